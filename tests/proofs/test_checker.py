@@ -7,9 +7,10 @@ import time
 import numpy as np
 import pytest
 
+from handfast.proofs.cases import CLOSED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
-from handfast.proofs.rows import CLOSED, OPEN, Row
+from handfast.proofs.rows import Row
 from tests.support.proof_certificates import LEAVES, NODES, proof, walls
 from tests.support.proof_states import contact, pinch, question
 

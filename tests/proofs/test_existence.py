@@ -332,7 +332,7 @@ def test_boxes_in_floating_point_contain_the_solution_in_many_digits(family):
     p, x = held(*(got := of_family(family))[:2], **got[2])
     options = choices(p, x)
     modes = modes_of(p.grasp, {name: kinds[0] for name, kinds in options.items()})
-    system = System.of(p, modes, x, True, False)
+    system = System.of(p, modes, x, False)
     wide, narrow = system.box(), refined(system)
     units = p.grasp.row_units
     for a, a_off, b, b_off, unit in (

@@ -1,13 +1,19 @@
 """The scale of a load, and the slack: by hand, in any frame, at any size."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.proofs.tolerance import EPS, load_scale, slack
+from handfast.proofs.grasp import read_grasp
+from handfast.proofs.question import Question, read_question
+from handfast.proofs.tolerance import ENDLESS, EPS, FAR, drives, farthest, load_scale, size_of, slack
 from tests.support.exact_states import data
+from tests.support.small_grasp import small_grasp
 
 HINGE = GraspJoint("hinge", [0, 0, 1], [0.1, 0, 0], (1,))
 SLIDE = GraspJoint("slide", [1, 0, 0], [0, 0, 0], (1,), "prismatic")
@@ -53,3 +59,111 @@ def test_sizes_are_in_proportion(exponent):
         scaled = replace(g, positions=a * g.positions, origins=a * g.origins)
         assert scaled.size == pytest.approx(a * size)
         assert scaled.joint_arms[0] == pytest.approx(a * arm)
+
+
+# --- forces in play ------------------------------------------------------------
+
+SIZE = np.sqrt(0.09375)
+PUSH, ROLL, BACK = np.sqrt(0.5), np.sqrt(0.125), np.sqrt(0.125) / 4
+
+
+def question(grasp: dict[str, Any], goal: str = "check", **fields: Any) -> Question:
+    return read_question({"grasp": grasp, "goal": goal, "wrench": [0.0] * 6} | fields, "question")
+
+
+def quiet(**commands: float) -> dict[str, Any]:
+    """The small grasp with these commands alone, and without laws."""
+    data = small_grasp() | {"preload": commands}
+    for joint in data["joints"]:
+        for name in ("friction", "torque", "stop"):
+            joint.pop(name, None)
+    return data
+
+
+def test_constants() -> None:
+    assert (ENDLESS, FAR) == (1e3, 1e4)
+
+
+@pytest.mark.parametrize(
+    ("wrench", "size"),
+    [
+        # the force (0, 3, 4) at the middle: (1/4, -1/8, 1/8) x (0, 3, 4) = (-0.875, -1, 0.75)
+        ([0, 3, 4, -0.875, -1, 0.75], 5.0),
+        ([0, 3, 4, -0.875, -1, 0.75 + 10 * SIZE], 10.0),
+        ([0, 3, 4, -0.875, -1, 0.75 + 4 * SIZE], 5.0),
+        ([0, 0, 0, 0, 3, -4], 5 / SIZE),
+        ([0, 0, 0, 0, 0, 0], 0.0),
+        # a force at the origin: its torque about the middle is -(1/4, -1/8, 1/8) x (8, 0, 0) = (0, -1, -1)
+        ([8, 0, 0, 0, 0, 0], 8.0),
+        ([0.5, 0, 0, 0, 1 + 1 / 16, 1 / 16], 1 / SIZE),
+    ],
+)
+def test_the_size_of_a_wrench(wrench: list[float], size: float) -> None:
+    assert size_of(read_grasp(small_grasp(), "g"), np.array(wrench)) == pytest.approx(size, rel=1e-14)
+
+
+def test_drives_by_hand() -> None:
+    assert drives(question(quiet())) == 0
+    assert drives(question(small_grasp())) == pytest.approx(24)  # pull: 3 over 1/8
+    assert drives(question(quiet(push=-0.75))) == pytest.approx(0.75 / PUSH)
+    assert drives(question(quiet(push=-0.75, back=-0.25))) == pytest.approx(0.25 / BACK)
+    data = quiet(push=0.01)
+    data["joints"][0] |= {"friction": 0.25, "torque": -0.5}  # what a joint carries adds up
+    assert drives(question(data)) == pytest.approx(3)
+    data["joints"][2] |= {"torque": -2}
+    assert drives(question(data)) == pytest.approx(2 / ROLL)
+
+
+def test_commands_that_are_sought_do_not_count() -> None:
+    assert drives(question(quiet(push=-0.75, pull=3.0), "torques", driven=["pull"])) == 0
+    with_back = quiet(push=-0.75, back=-0.25)  # what a backdrivable motor is commanded is given
+    assert drives(question(with_back, "torques", driven=["push"])) == pytest.approx(0.25 / BACK)
+    limits = {"push": 5.0, "pull": 0.25}
+    assert drives(question(with_back, "torques", driven=["push"], torque_limits=limits)) == pytest.approx(5 / PUSH)
+
+
+def test_limits_count() -> None:
+    limits = {"push": 5.0, "pull": 0.25}
+    assert drives(question(quiet(push=-0.75), torque_limits=limits)) == pytest.approx(5 / PUSH)
+    assert drives(question(quiet(push=-7.5), torque_limits=limits)) == pytest.approx(7.5 / PUSH)
+    assert drives(question(quiet(push=-0.75), force_limit=90.0)) == 90
+    assert drives(question(small_grasp(), force_limit=20.0)) == pytest.approx(24)
+
+
+def test_what_moves_no_contact_does_not_count() -> None:
+    data = quiet(push=-0.75)
+    data["joints"].append(
+        {"name": "idle", "axis": [0, 0, 1], "origin": [0, 0, 0], "moves": [], "torque": 50.0, "friction": 1.0}
+    )
+    data["mechanism"]["actuators"] += [
+        {"name": "spin", "joints": {"idle": 1}},
+        {"name": "turned", "joints": {"idle": 1}, "backdrivable": True},
+    ]
+    data["preload"] |= {"spin": 100.0, "turned": 70.0}
+    assert drives(question(data)) == pytest.approx(0.75 / PUSH)
+    # a joint whose axis goes through one of two soft fingers turns it, though it moves no point: 6 over the lever 1/2
+    data["joints"][3] |= {"moves": [0], "origin": [0.5, 0, 7], "torque": 6.0, "friction": 0}
+    data["contacts"][1]["torsion"] = 0.375
+    data["mechanism"]["actuators"] = data["mechanism"]["actuators"][:3]
+    data["preload"] = {"push": -0.75}
+    assert drives(question(data)) == pytest.approx(12)
+
+
+def test_what_is_held_does_not_count() -> None:
+    data = quiet()
+    data["joints"][0] |= {"torque": 5, "stop": "both"}
+    assert drives(question(data)) == 0
+    data["joints"][0]["stop"] = "lower"
+    assert drives(question(data)) == pytest.approx(20)
+
+
+def test_the_farthest_magnitude() -> None:
+    along = [0, 0, 0, 0, 3, -4]  # 5 / SIZE
+    assert farthest(question(small_grasp(), "largest", direction=along)) == pytest.approx(1e3 * 24 * SIZE / 5)
+    base = {"direction": along, "wrench": [0, 30, 40, -8.75, -10, 7.5]}
+    assert farthest(question(small_grasp(), "largest", **base)) == pytest.approx(1e3 * 50 * SIZE / 5)
+    base["wrench"] = [0, 3, 4, -0.875, -1, 0.75]
+    assert farthest(question(small_grasp(), "largest", **base)) == pytest.approx(1e3 * 24 * SIZE / 5)
+    assert farthest(question(quiet(), "largest", direction=along)) == 1e3  # nothing else is in play
+    assert farthest(question(small_grasp(), "largest", direction=[0] * 6)) == np.inf
+    assert farthest(question(quiet(), "largest", direction=[0] * 6)) == np.inf

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from handfast.proofs.cases import CLOSED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.question import Question
-from handfast.proofs.rows import CLOSED, OPEN, TURN, Row
+from handfast.proofs.rows import TURN, Row
 from tests.support.proof_states import contact, question
 
 UP = TURN // 4  # the direction of +c_t2, which is -y at both walls

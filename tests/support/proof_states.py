@@ -11,21 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from handfast.proofs.cases import CLOSED, FREE, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, UNDECIDED
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import CHECK, LARGEST, SMALLEST_PRELOAD, TORQUES, Question, read_question
-from handfast.proofs.rows import (
-    CLOSED,
-    FREE,
-    HALF,
-    LOCKED,
-    MOVES,
-    OPEN,
-    SLIDE,
-    STICK,
-    TURN,
-    UNDECIDED,
-    Columns,
-)
+from handfast.proofs.rows import TURN, Columns
 
 KINDS = "open", "stick", "slide"
 
@@ -191,7 +180,7 @@ def case_of(state: Drawn, rng: np.random.Generator) -> np.ndarray:
 
 def patch_with(direction: np.ndarray, depth: int) -> int:
     """The patch that a direction is in, halved so often."""
-    from handfast.proofs.patches import patch
+    from handfast.proofs.cases import patch
 
     number = 8 + sum(1 << k for k in range(3) if direction[k] < 0)
     for _ in range(depth):

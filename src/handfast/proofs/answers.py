@@ -11,22 +11,21 @@ one for a load and joint torques that differ by 1e-9 of the load; SLIPS says tha
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from handfast.proofs import arcs, checker
+from handfast.proofs import checker, ranges
 from handfast.proofs.certificate import Certificate, read_certificate
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.fields import SAME, Array, BadFile, Fields
-from handfast.proofs.forces import FAR, drives, farthest
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Contact, Problem, State, read_state
-from handfast.proofs.tolerance import EPS, LEAST, load_scale
+from handfast.proofs.tolerance import FAR, drives, farthest, load_scale
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
@@ -34,7 +33,6 @@ STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "
 COURSE = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
 NOT_REPLAYED = f"{', '.join(COURSE)}: the course of the search is recorded, and nothing rests on it"
 ROUNDING = 1e-12  # of residuals: they are made of it
-STILL = 1e-12  # of the largest motion: a joint that moves less is taken to rest, and judged so
 FARTHER = 2.0  # times an upper bound: up to there at least nothing is resisted
 NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
 LIMIT = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
@@ -65,7 +63,7 @@ class SavedAnswer:
     said: Mapping[str, Any]
     witness: Witness | None
     certificate: Certificate | None
-    arcs: tuple[arcs.Arc, ...] = ()
+    arcs: tuple[ranges.Arc, ...] = ()
     slips: tuple[Certificate, ...] = ()
 
     @property
@@ -97,7 +95,7 @@ def read_answer(data: Any, place: str = "") -> SavedAnswer:
     witness = _read_witness(f.object("witness"), question) if f.has("witness") else None
     proof = f.take("certificate") if f.has("certificate") else None
     certificate = None if proof is None else read_certificate(proof, f.at("certificate"), question)
-    of_arcs = tuple(arcs.read_arc(x, question) for x in f.objects("arcs", []))
+    of_arcs = tuple(ranges.read_arc(x, question) for x in f.objects("arcs", []))
     of_slips = tuple(read_certificate(x, place, question) for x, place in f.items("slips", []))
     for name in ("witness", "certificate"):
         f.take(name, None)
@@ -145,40 +143,12 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     claim, base, along, magnitude, command = query.held(saved, w)
     if not _close(w.command, command):
         return None, Replay("witness", claim, "it is a state with other commands")
-    found = proved(problem(q, command, base, along, magnitude), w.state, q.eta)
+    found = prove(Problem.of(q, command, base, along, magnitude), w.state)
     reason = "" if found.exact or found.tolerant else found.reason
     reason = reason or query.held_fault(saved, w, found)
-    to = "" if found.exact else ", to 1e-9 of load and commands"
+    to = "" if found.exact else ", to 1e-9 of the load"
     figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius}
     return found, Replay("witness", claim + to, reason, figures)
-
-
-def proved(p: Problem, x: State, eta: float, until: float = np.inf) -> Proved:
-    """What is proved of a state. Where existence is not: are all equations together missed by at most 1e-9 of the load?
-
-    So it is with states between two modes by structure: a contact that touches, rows that depend on each other but for
-    rounding. What hand and limits ask for is not missed at all, but for the rounding of a sum. until: as in `prove`.
-    """
-    found = prove(p, x, until)
-    if found.exact or found.tolerant or not p.scale >= LEAST:
-        return found
-    still = np.abs(x.q) * p.grasp.joint_arms <= STILL * max(p.scale, largest_motion(p.grasp, x))
-    x = replace(x, q=np.where(still, 0.0, x.q))
-    rows = {f.name: np.repeat(getattr(x, f.name)[None], 2, axis=0) for f in fields(State)}
-    with np.errstate(all="ignore"):
-        off = arcs.missed(p.grasp, np.repeat(p.load[None], 2, axis=0), rows, eta, p.mdp, p.scale)
-        total = float(sum(np.sum(np.maximum(part, 0.0)) for part in off.values()))  # some keep more than is asked
-    kept = (np.abs(x.f) <= p.limit).all() and x.c[0::3].max() <= p.force_limit
-    residual = total if np.isfinite(total) else found.residual
-    return replace(found, tolerant=bool(total <= EPS and kept), residual=residual, magnitude=None)
-
-
-def problem(q: Question, command: Array, base: Array, along: Array | None = None, magnitude: float = 0.0) -> Problem:
-    """What a witness has to solve: the load base + magnitude along, with the magnitude unknown if along is given."""
-    limits = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.actuators], dtype=float)
-    cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
-    g = q.grasp.with_command(command)
-    return Problem(g, base, along, None, magnitude, cos, sin, q.mdp, limits, q.force_limit)
 
 
 def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float | None]:
@@ -352,7 +322,7 @@ class Maximum(Query):
         claim = f"everything up to {to:.6g} times the direction is resisted"
         if holes:
             claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in holes)}"
-        bounds = [arcs.replayed(saved.question, arc) for arc in saved.arcs]
+        bounds = [ranges.replayed(saved.question, arc) for arc in saved.arcs]
         reason = next((fault for fault, _ in bounds if fault), "") or _slips_fault(saved) or _ranges_fault(saved, holes)
         figures: dict[str, Figure] = {"arcs": len(saved.arcs), "slips": len(saved.slips)}
         figures |= {"residual": max((off for _, off in bounds), default=0.0)}
@@ -447,7 +417,8 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
     if not (proved.exact or proved.tolerant):
         return dict(NOTHING)
     motions = g.rows[0] @ x.motion
-    states = [Contact(k) for k in proved.modes.contact] if proved.modes else _seen(g, x)
+    assert proved.modes is not None
+    states = [Contact(k) for k in proved.modes.contact]
     c, d = x.c.reshape(-1, 3), motions[: 3 * g.m].reshape(-1, 3)
     contacts = [
         {
@@ -473,14 +444,6 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
         "object_motion": x.r.tolist(),
         "joint_motion": dict(zip(g.joints, x.q.tolist(), strict=True)),
     }
-
-
-def _seen(g: GraspData, x: State) -> list[Contact]:
-    """What contacts do by the numbers alone, of a state between two modes."""
-    slip = np.linalg.norm((g.rows[0][: 3 * g.m] @ x.motion).reshape(-1, 3)[:, 1:], axis=1)
-    slides = slip > STILL * largest_motion(g, x)
-    closed = [Contact.SLIDES if moves else Contact.STICKS for moves in slides]
-    return [mode if c_n > 0 else Contact.OPEN for mode, c_n in zip(closed, x.c[0::3], strict=True)]
 
 
 def line(saved: SavedAnswer) -> tuple[Array, Array]:

@@ -32,12 +32,12 @@ class Balls:
         self.s, p = s, s.p
         self.M = arb_mat([[arb(x) for x in row] for row in p.grasp.exact_rows])
         self.unknown = np.flatnonzero(s.rows.unknown).tolist()
-        self.sought = bool(s.sought.any() and s.balanced)
+        self.sought = bool(s.sought.any())
         along = np.zeros(6) if p.along is None else p.along
         start = arb(p.magnitude)
         self.load = [arb(w) for w in np.r_[p.wrench, p.grasp.torque]]
         self.along = [arb(w) for w in np.r_[along, np.zeros(p.grasp.l)]]
-        self.start = [arb(x) for x in (*s.v, *(s.phi[self.unknown] if s.balanced else ()))]
+        self.start = [arb(x) for x in (*s.v, *s.phi[self.unknown])]
         self.start += [start] * self.sought
         self.magnitude = start
 
@@ -47,16 +47,16 @@ class Balls:
         size = len(s.phi)
         magnitude = x[-1] if self.sought else self.magnitude
         d = _column(self.M * arb_mat([[y] for y in x[:nv]]))
-        phi = [arb(a) + magnitude * arb(b) for a, b in zip(s.rows.given, s.rows.drive, strict=True)]
+        phi = [arb(x) for x in s.rows.given]
         K = [[arb(0)] * size for _ in range(size)]
         for i, rows in enumerate(s.laws.rows.tolist()):
             _contact_law(s, i, [k for k in rows if k < size - 1], d, phi, K)
         for i, k in enumerate(self.unknown):
-            phi[k] = x[nv + i] if s.balanced else arb(s.phi[k])
+            phi[k] = x[nv + i]
         missing = _column(self.M.transpose() * arb_mat([[y] for y in phi]))
         missing = [a + b + magnitude * c for a, b, c in zip(missing, self.load, self.along, strict=True)]
         above = [phi[s.laws.rows[i, 0]] - arb(p.force_limit) for i in s.full]
-        value = [*(missing if s.balanced else []), *(d[k] for k in s.kept), *above]
+        value = [*missing, *(d[k] for k in s.kept), *above]
         return d, phi, magnitude, K, [value[i] for i in s.used]
 
     def derivative(self, K: list[list[arb]]) -> arb_mat:
@@ -64,12 +64,10 @@ class Balls:
         s, nv, M = self.s, len(self.s.v), self.M
         KM = arb_mat(K) * M
         out: list[list[arb]] = []
-        if s.balanced:
-            J = M.transpose() * KM
-            drives = _column(M.transpose() * arb_mat([[arb(x)] for x in s.rows.drive]))
-            for i in range(nv):
-                last = [self.along[i] + drives[i]] if self.sought else []
-                out.append([*(J[i, j] for j in range(nv)), *(M[k, i] for k in self.unknown), *last])
+        J = M.transpose() * KM
+        for i in range(nv):
+            last = [self.along[i]] if self.sought else []
+            out.append([*(J[i, j] for j in range(nv)), *(M[k, i] for k in self.unknown), *last])
         rest = [arb(0)] * (len(self.start) - nv)
         out += [[*(M[k, j] for j in range(nv)), *rest] for k in s.kept.tolist()]
         out += [[*(KM[int(s.laws.rows[i, 0]), j] for j in range(nv)), *rest] for i in s.full]

@@ -1,6 +1,6 @@
 """Checks a certificate with arithmetic alone: no solver, nothing of the search that wrote it.
 
-Four things are checked: the tree's splits leave out no case (`tree`); every row that a leaf cites holds in the leaf's
+Four things are checked: the tree's splits leave out no case (`cases`); every row that a leaf cites holds in the leaf's
 case (`rows`); no multiplier is negative; and the rows, weighed by their multipliers, contradict the equilibrium
 (`leaves`).
 """
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.proofs import rows
+from handfast.proofs.cases import BadCertificate, leaf_cases
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.leaves import CitedRows, Late, in_time, proved
 from handfast.proofs.rows import Columns, LeafRows, Row, zeros
 from handfast.proofs.tolerance import LEAST, TOO_SMALL
-from handfast.proofs.tree import BadCertificate, leaf_cases
 
 SIDE = 256  # leaves whose rows are in memory at a time
 

@@ -82,7 +82,7 @@ class Equations:
         """
         at, g, out = self.columns, self.grasp, np.zeros(self.columns.n)
         out[at.q] = 1.0 / self.joint_units
-        normal = (2.0 + g.sizes[1][0::3] @ (1.0 / g.joint_units)) * (1 + 1e-9)
+        normal = (2.0 + g.sizes[1][0::3] @ (1.0 / g.joint_units)) * (1 + 1e-6)  # and what they may slip besides
         out[at.c] = np.column_stack([normal, g.mu * normal, g.mu * normal]).ravel()
         out[at.twist] = (g.mu * normal)[g.soft]
         return out
@@ -177,6 +177,7 @@ class RightSide:
     Attributes:
         h: (p,).
         slack, growth: (p,) E x = h may be missed by slack + |scalar| growth, (1) about the contacts' centroid.
+        slip, slip_growth: [N] likewise each contact's motion d, as a vector, beside Z x.
         energy: by how much the balance of energy may be missed.
         scale: [N] of the load. ends: of the scalar, 0 and 0 without.
     """
@@ -184,6 +185,8 @@ class RightSide:
     h: Array
     slack: Array
     growth: Array
+    slip: float
+    slip_growth: float
     energy: float
     scale: float
     ends: Range
@@ -192,7 +195,7 @@ class RightSide:
     def of(cls, q: Question, scalar: Range | None, p: int) -> RightSide:
         """Of a question with its scalar in a range.
 
-        The slack is that of `tolerance`, in all of (1) and (2) and in nothing else: couplings, (8) and the added
+        The slack is that of `tolerance`, in all of (1), (2) and (3) and in nothing else: couplings, (8) and the added
         sliders behind joints with friction are there exactly. A state whose joint torques are off by as much is one of
         the equivalent whose joints are, while the two forces on a slider add up to 2 F by what they are. What is
         missed does work, too: `tolerance` allows WORK F^2 of it.
@@ -211,12 +214,24 @@ class RightSide:
             R = np.abs(g.R[q.sought]) / g.joint_units
             grows = float(R.max(initial=0.0))
         ends = scalar or (0.0, 0.0)
-        return cls(h, EPS * of_load * units, EPS * grows * units, WORK * of_load**2, max(of_load, grows), ends)
+        slack, growth = EPS * of_load, EPS * grows
+        most = max(of_load, grows)
+        return cls(h, slack * units, growth * units, slack, growth, WORK * of_load**2, most, ends)
 
-    def costs(self, about: Array, v: Array, change: Array) -> tuple[Array, Array]:
-        """(L,) upper bounds on |v| slack and |v| growth for all v (L, p) that differ from these by change at most."""
-        size = np.abs(v @ about.T) + (change + 16 * UNIT * np.abs(v)) @ np.abs(about.T)
-        return size @ self.slack * (1 + 1e-9), size @ self.growth * (1 + 1e-9)
+    def costs(self, q: Equations, v: Array, change: Array, z: Array, z_change: Array) -> tuple[Array, Array]:
+        """(L,) upper bounds on what slack and growth take, for multipliers that differ from these by change at most.
+
+        v: (L, p) of E x = h. z: (L, 3m+a+s) of motions, those of the contacts count.
+        """
+        size = np.abs(v @ q.about.T) + (change + 16 * UNIT * np.abs(v)) @ np.abs(q.about.T)
+        m, soft = q.grasp.m, q.grasp.soft
+        slips = np.zeros((len(z), m, 4))
+        far = np.abs(z) + z_change
+        slips[:, :, :3] = far[:, : 3 * m].reshape(-1, m, 3)
+        slips[:, soft, 3] = far[:, far.shape[1] - len(soft) :]
+        slipped = np.sqrt((slips**2).sum(axis=2)).sum(axis=1)
+        slack, growth = size @ self.slack + slipped * self.slip, size @ self.growth + slipped * self.slip_growth
+        return slack * (1 + 1e-9), growth * (1 + 1e-9)
 
     def grown(self, grows: Array, pushes: Array) -> Array:
         """(L,) how much of a margin what grows with the scalar can take.

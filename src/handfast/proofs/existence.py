@@ -2,13 +2,14 @@
 
 A box about the floats contains an exact solution of the equations in their modes (`newton`, and `balls` where floating
 point is too coarse), and every inequality of the modes holds all over that box: an exact state. Which modes are tried
-follows from the floats. What cannot be shown exactly may hold to `tolerance.EPS` of load and commands: motions that
-keep every row that is held exactly, forces that obey every law exactly, and (1) and (2) missed by no more than that.
+follows from the floats. What cannot be shown exactly may hold to `tolerance.EPS` of the load: see `near`.
 """
 
 from __future__ import annotations
 
+import heapq
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,8 @@ import numpy as np
 from handfast.proofs.balls import refined, solution
 from handfast.proofs.fields import Array
 from handfast.proofs.grasp import GraspData
-from handfast.proofs.newton import Box, NotShown, System, rounding
+from handfast.proofs.near import Near, near
+from handfast.proofs.newton import Box, NotShown, System
 from handfast.proofs.states import (
     ULP,
     Contact,
@@ -30,10 +32,11 @@ from handfast.proofs.states import (
     reaction_ends,
     sense,
 )
-from handfast.proofs.tolerance import EPS, LEAST, TOO_SMALL, WORK, about_centroid
+from handfast.proofs.tolerance import LEAST, TOO_SMALL
 
 NEAR = 1e-6  # relative to the forces that act: how far the forces that are proved may be from the printed ones
 TRIES = 16  # modes that are tried
+CLOSE, AWAY = 1e-7, 1e-8  # relative to the forces that act: inequalities kept by less are to be kept by so much
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Proved:
     """What is proved of a state.
 
     Attributes:
-        exact: is there an exact state within `radius` of it? tolerant: if not, one to 1e-9 of load and commands?
+        exact: is there an exact state within `radius` of it? tolerant: if not, one to 1e-9 of the load?
         reason: why not exactly; "" if it is.
         residual: what the floats themselves miss, relative to the scale of the load.
         radius: [N] how far from the floats the forces and motions at the contacts are at most.
@@ -67,15 +70,33 @@ def prove(p: Problem, x: State, until: float = np.inf) -> Proved:
     """
     if not p.scale >= LEAST:
         return Proved(False, False, TOO_SMALL, np.inf)
-    free = p.along is not None or p.drive is not None
-    done = _attempts(p, x, until, free=free)
-    if free and not done.exact:
-        fixed = _attempts(p, x, until)
-        done = fixed if fixed.exact else done
+    free = p.along is not None
+    with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
+        done = _attempts(p, x, until, free=free)
+        if free and not done.exact:
+            fixed = _attempts(p, x, until)
+            done = fixed if fixed.exact else done
     if done.exact:
         return done
-    rough = _attempts(p, x, until, balanced=False)
-    return replace(done, tolerant=rough.tolerant, modes=rough.modes, magnitude=rough.magnitude)
+    rough = near(p, x)
+    if not rough.shown:
+        rough = min(rough, _nearer(p, x, rough.modes), key=lambda found: found.missed)
+    if not rough.shown:
+        reason = f"{done.reason}; {rough.where} is missed by {rough.missed:.1e} of the load"
+        return replace(done, reason=reason, residual=rough.missed)
+    at = None if p.along is None else (p.magnitude, p.magnitude)
+    return Proved(False, True, done.reason, rough.missed, rough.changed, 0.0, at, rough.modes)
+
+
+def _nearer(p: Problem, x: State, modes: Modes) -> Near:
+    """What a state misses after Newton's method in some modes; all of it where that fails, or leads elsewhere."""
+    elsewhere = Near(np.inf, "all", modes, np.inf)
+    try:
+        v, forces, _ = solution(System.of(p, modes, x, False))
+    except NotShown:
+        return elsewhere
+    apart = (np.abs(forces - x.forces(p.grasp)) * p.grasp.row_units).max()
+    return near(p, State.of(p.grasp, v, forces)) if apart <= NEAR * acting(p, x) else elsewhere
 
 
 def polished(p: Problem, x: State) -> tuple[Problem, State]:
@@ -85,7 +106,7 @@ def polished(p: Problem, x: State) -> tuple[Problem, State]:
     """
     options = choices(p, x)
     try:
-        system = System.of(p, modes_of(p.grasp, {name: kinds[0] for name, kinds in options.items()}), x, True, True)
+        system = System.of(p, modes_of(p.grasp, {name: kinds[0] for name, kinds in options.items()}), x, True)
         v, forces, magnitude = solution(system)
     except NotShown:
         return p, x
@@ -111,40 +132,109 @@ def nearby(p: Problem, x: State, gap: float, until: float = np.inf) -> tuple[Pro
     return p, x
 
 
-def _attempts(p: Problem, x: State, until: float, balanced: bool = True, free: bool = False) -> Proved:
-    """Modes that x may have, one after the other. balanced: exactly, else but for the slack in (1), (2)."""
+def _attempts(p: Problem, x: State, until: float, free: bool = False) -> Proved:
+    """Modes that x may have, the likeliest first."""
     options = choices(p, x)
-    chosen, reason, residual = dict.fromkeys(options, 0), "", np.inf
-    for _ in range(TRIES):
-        modes = modes_of(p.grasp, {name: options[name][k] for name, k in chosen.items()})
+    names, reason, residual = list(options), "", np.inf
+    queue, known = [(0, 0, (0,) * len(options))], {(0,) * len(options)}
+    tries = 0
+    while queue and tries < TRIES and len(known) < 8 * TRIES and not (reason and time.monotonic() > until):
+        cost, _, chosen = heapq.heappop(queue)
+        modes = modes_of(p.grasp, {name: options[name][k] for name, k in zip(names, chosen, strict=True)})
         try:
-            system = System.of(p, modes, x, balanced, free)
-            residual = min(residual, system.residual)
-            try:
-                return _shown(system, x, system.box(), residual)
-            except NotShown as fault:
-                if not fault.rounding:
-                    raise
-                return _shown(system, x, refined(system), residual)
+            system = System.of(p, modes, x, free)
+            residual, tries = min(residual, system.residual), tries + 1
+            return _tried(system, x, residual)
         except NotShown as fault:
             reason = reason or str(fault)
-            left = [name for name, kinds in options.items() if chosen[name] + 1 < len(kinds)]
-            if not left or time.monotonic() > until:
-                break
-            chosen[fault.part if fault.part in left else left[-1]] += 1
+            for i, name in enumerate(names):  # the part that is at fault first
+                other = *chosen[:i], chosen[i] + 1, *chosen[i + 1 :]
+                if chosen[i] + 1 < len(options[name]) and other not in known:
+                    known.add(other)
+                    heapq.heappush(queue, (cost + (1 if name == fault.part else 2), len(known), other))
     return Proved(False, False, reason, residual)
+
+
+def _tried(s: System, x: State, residual: float) -> Proved:
+    """What is shown in the modes of a system: in floating point, farther inside of them, or in balls."""
+    try:
+        return _shown(s, x, s.box(), residual)
+    except NotShown as fault:
+        if not fault.rounding:
+            raise
+    try:
+        inside = System.of(s.p, s.modes, _inside(s), bool(s.sought.any()))
+        return _shown(inside, x, inside.box(), residual)
+    except NotShown:
+        return _shown(s, x, refined(s), residual)
+
+
+def _inside(s: System) -> State:
+    """The nearest state that solves the linearised equations and keeps every inequality by a little, if any does."""
+    p, g, (M, _), nv = s.p, s.p.grasp, s.p.grasp.rows, len(s.v)
+    unknown = np.flatnonzero(s.rows.unknown)
+    place = {int(k): nv + i for i, k in enumerate(unknown)}
+    rows, short, act = [], [], acting(p, State.of(g, s.v, s.phi))
+
+    def keep(value: float, unit: float, motion: Array | None, forces: Mapping[int, float]) -> None:
+        """An inequality, value >= 0 [unit]: its gradient by motions (6 + l,), and by unknown forces."""
+        if not value * unit < CLOSE * act:
+            return
+        row = np.zeros(s.A.shape[1])
+        row[:nv] = 0.0 if motion is None else motion
+        for k, x in forces.items():
+            row[place[k]] += x
+        rows.append(row * unit)
+        short.append(AWAY * act - value * unit)
+
+    for i, kind in enumerate(s.modes.contact.tolist()):
+        n, *t = g.contact_rows[i].tolist()
+        speed = float(np.sqrt((s.d[t] ** 2).sum()))
+        gap = p.cos * s.d[n] + p.sin * speed
+        by_motion = p.cos * M[n] + (p.sin / speed * (s.d[t] @ M[t]) if p.sin and speed > 0 else 0.0)
+        if kind == Contact.OPEN:
+            keep(gap, 1.0, by_motion, {})
+        elif kind >= Contact.STICKS:
+            keep(-gap, 1.0, -by_motion, {})
+        friction = float(np.sqrt((s.phi[t] ** 2).sum()))
+        if kind in (Contact.STICKS, Contact.RUBS) and g.mu[i] > 0 and friction > 0:
+            own = {k: -s.phi[k] / friction for k in t if k in place}
+            keep(-g.mu[i] * gap - friction, 1.0, -g.mu[i] * by_motion, own)
+    _, _, actuators, _, joints = g.parts
+    for j, kind in enumerate(s.modes.actuator.tolist()):
+        k, sign, unit = actuators.start + j, float(sense(p)[j]), float(g.row_units[actuators.start + j])
+        if kind == Part.RESTS:
+            keep(sign * (s.phi[k] - p.command[j]), unit, None, {k: sign})
+        elif kind == Part.MOVES:
+            keep(sign * s.d[k], 1.0 / unit, sign * M[k], {})
+        if k in place and np.isfinite(p.limit[j]):
+            keep(p.limit[j] - abs(s.phi[k]), unit, None, {k: -1.0 if s.phi[k] > 0 else 1.0})
+    lo, hi = reaction_ends(g)
+    for j, kind in enumerate(s.modes.joint.tolist()):
+        k, unit = joints.start + j, float(g.row_units[joints.start + j])
+        if kind == Part.RESTS:
+            keep(s.phi[k] - lo[j], unit, None, {k: 1.0})
+            keep(hi[j] - s.phi[k], unit, None, {k: -1.0})
+        elif kind in (Part.MOVES, Part.OPENS):
+            sign = 1.0 if kind == Part.MOVES else -1.0
+            keep(sign * s.d[k], 1.0 / unit, sign * M[k], {})
+    both = np.vstack([s.units[:, None] * s.A * s.columns, *(row * s.columns for row in rows)])
+    try:
+        step = s.columns * np.linalg.lstsq(both, np.concatenate([-s.units * s.value, short]), rcond=1e-12)[0]
+    except np.linalg.LinAlgError:
+        raise NotShown("no state is farther inside of the modes") from None
+    forces = s.phi.copy()
+    forces[unknown] += step[nv : nv + len(unknown)]
+    return State.of(g, s.v + step[:nv], forces)
 
 
 def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
     """What a box shows. Raises `NotShown`."""
     p = s.p
-    if not s.balanced:
-        box = _within(p, s.modes, box)
-        _within_slack(p, box, s.v)
     margin, radius = inequalities(p, s.modes, box), _radius(p, x, box)
     off = box.magnitude_off + 4 * ULP * abs(box.magnitude)
-    ends = (box.magnitude - off, box.magnitude + off) if p.along is not None or p.drive is not None else None
-    return Proved(s.balanced, not s.balanced, "", residual, radius, margin, ends, s.modes)
+    ends = (box.magnitude - off, box.magnitude + off) if p.along is not None else None
+    return Proved(True, False, "", residual, radius, margin, ends, s.modes)
 
 
 # --- what has to hold all over a box ---------------------------------------------------------------
@@ -168,8 +258,7 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
     arms = p.grasp.row_units
     f, t = box.phi[actuators], box.d[actuators] * sense(p)
     f_off = box.phi_off[actuators] + 4 * ULP * np.abs(f)
-    drive = 0.0 if p.drive is None else np.abs(p.drive) * box.magnitude_off
-    beyond = sense(p) * (f - p.command) - (f_off + drive + 4 * ULP * np.abs(p.command)) * (f != p.command)
+    beyond = sense(p) * (f - p.command) - (f_off + 4 * ULP * np.abs(p.command)) * (f != p.command)
     turns = t - box.d_off[actuators]
     commanded = (g.command != 0) | g.tendon
     limited = p.limit - np.abs(f) - np.where(np.abs(f) == p.limit, box.phi_off[actuators], f_off)
@@ -230,60 +319,3 @@ def row_name(p: Problem, k: int) -> str:
     if k < actuators.stop:
         return f"actuator '{g.actuators[k - actuators.start]}'"
     return f"coupling {k - couplings.start}" if k < couplings.stop else f"joint '{g.joints[k - couplings.stop]}'"
-
-
-# --- to 1e-9 of load and commands ------------------------------------------------------------------
-
-
-def _within(p: Problem, modes: Modes, box: Box) -> Box:
-    """With the unknown forces, which may be chosen, inside what the laws allow."""
-    g, phi = p.grasp, box.phi.copy()
-    for i in np.flatnonzero(np.isin(modes.contact, (Contact.STICKS, Contact.RUBS)) & (g.mu > 0)):
-        n, *t = p.grasp.contact_rows[i]
-        most = g.mu[i] * (phi[n] - box.phi_off[n]) * (1 - 64 * ULP)
-        size = float(np.linalg.norm(phi[t]))
-        if most >= 0 and size > most:
-            phi[t] *= most / size * (1 - 64 * ULP)
-    _, _, actuators, _, joints = g.parts
-    rests, f = modes.actuator == Part.RESTS, phi[actuators]
-    f = np.where(rests & (sense(p) * (f - p.command) < 0), p.command, f)
-    free = rests | (modes.actuator == Part.LOCKED)
-    phi[actuators] = np.where(free, np.clip(f, -p.limit, p.limit), f)
-    lo, hi = reaction_ends(g)
-    phi[joints] = np.where(modes.joint == Part.RESTS, np.clip(phi[joints], lo, hi), phi[joints])
-    return replace(box, phi=phi)
-
-
-def _within_slack(p: Problem, box: Box, v: Array) -> None:
-    """`NotShown` unless all of a box misses (1) and (2) by no more than `slack`, and does little work by it.
-
-    v: (6 + l,) its motions, rounded. Proofs that no state exists cite the balance of energy, which gives way by
-    WORK F^2 only.
-    """
-    g, (M, size), unit = p.grasp, p.grasp.rows, rounding(p)
-    along = np.zeros(6) if p.along is None else p.magnitude * p.along
-    load_size = np.abs(np.r_[np.abs(p.wrench) + np.abs(along), g.torque])
-    missing = M.T @ box.phi + np.r_[p.load, g.torque]
-    off = unit * (size.T @ np.abs(box.phi) + load_size) + size.T @ box.phi_off
-    torque = about_centroid(g, missing[:6])
-    arm = np.abs(g.centroid)[[1, 2, 0, 2, 0, 1]].reshape(2, 3)
-    wide = off[:3] + 4 * ULP * np.abs(missing[:3])
-    torque_off = off[3:6] + arm[0] * wide[[2, 0, 1]] + arm[1] * wide[[1, 2, 0]]
-    parts = {
-        "(1), forces": float(np.linalg.norm(np.abs(missing[:3]) + off[:3])),
-        "(1), torques": float(np.linalg.norm(np.abs(torque) + torque_off)) / g.size,
-    }
-    torques = (np.abs(missing[6:]) + off[6:]) / g.joint_units
-    parts |= {f"(2) of joint '{name}'": float(x) for name, x in zip(g.joints, torques, strict=True)}
-    for name, x in parts.items():
-        if not x <= EPS * p.scale * (1 - 1e-6):
-            raise NotShown(f"{name} is missed by {x / p.scale:.1e} of the load", rounding=bool(off.max() > 0))
-    if not p.mdp:
-        return  # without the dissipation principle no proof cites the balance of energy
-    joints, contacts = g.parts[4], g.parts[0]
-    q_off = box.d_off[joints] + 4 * ULP * np.abs(v[6:])
-    r_off = 2 * np.abs(np.linalg.pinv(g.G.T)) @ (box.d_off[contacts] + np.abs(g.J) @ q_off)
-    moved = np.abs(v) * (1 + 1e-9) + np.concatenate([r_off, q_off])
-    work = float((np.abs(missing) + off) @ moved) / p.scale**2
-    if not work <= WORK * (1 - 1e-6):
-        raise NotShown(f"what (1) and (2) miss does work of {work:.1e} of the load squared", rounding=True)

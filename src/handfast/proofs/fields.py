@@ -1,13 +1,17 @@
-"""Fields of a parsed JSON object, read one by one: every fault is one line with the field, and what is left is one."""
+"""Fields of a parsed JSON object, read one by one: every fault is one line with the field, and what is left is one.
+
+And floating-point numbers as the rational numbers that they are.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -195,3 +199,33 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, float | int) and isinstance(b, float | int):
         return bool(abs(a - b) <= SAME * max(1.0, abs(b)))
     return bool(a == b)
+
+
+# --- rational numbers -------------------------------------------------------------------------------
+
+ZERO = fmpq(0)
+
+
+def rational(x: float) -> fmpq:
+    """A floating-point number as it is."""
+    return fmpq(*float(x).as_integer_ratio())
+
+
+def rationals(values: Iterable[float]) -> list[fmpq]:
+    """Several."""
+    return [rational(x) for x in values]
+
+
+def cross(a: Sequence[fmpq], b: Sequence[fmpq]) -> list[fmpq]:
+    """(3,) a x b."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def dot(a: Iterable[fmpq], b: Iterable[fmpq]) -> fmpq:
+    """a . b."""
+    return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
+
+
+def rounded(x: fmpq) -> float:
+    """The nearest floating-point number; integers of any length."""
+    return int(x.p) / int(x.q)

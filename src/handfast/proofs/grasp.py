@@ -14,10 +14,20 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from flint import fmpq
+from flint import fmpq, fmpq_mat
 
-from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
-from handfast.proofs.rational import cross, dot, rational, rationals
+from handfast.proofs.fields import (
+    Array,
+    BadFile,
+    Fields,
+    Integers,
+    Mask,
+    cross,
+    dot,
+    rational,
+    rationals,
+    refuse_unknown,
+)
 
 MANY = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
@@ -207,6 +217,11 @@ class GraspData:
         """`rows` as rational numbers."""
         own = np.vstack([self.R, self.A, np.eye(self.l), np.zeros((1, self.l))])
         return self.exact_motion + [[fmpq(0)] * 6 + rationals(row) for row in own]
+
+    @cached_property
+    def exact_matrix(self) -> fmpq_mat:
+        """(N, 6 + l) the same as a matrix, without the last row."""
+        return fmpq_mat(self.exact_rows[:-1])
 
     @cached_property
     def independent_rows(self) -> dict[bytes, Integers | None]:

@@ -20,7 +20,7 @@ from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Refused, Replay
-from handfast.proofs.states import read_state
+from handfast.proofs.states import Problem, read_state
 from handfast.proofs.tasks import read_task
 
 SCHEMA = "handfast/grasps/1"
@@ -134,9 +134,9 @@ def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping
         own.done()
         limits = {a: x for a, x in terms.torque_limits.items() if a in grasp.actuators}
         question = Question(grasp, CHECK, False, wrench, np.zeros(6), terms.eta, True, limits, terms.force_limit, ())
-        found = prove(answers.problem(question, grasp.command, wrench), state)
+        found = prove(Problem.of(question, grasp.command, wrench), state)
         reason = "" if found.exact or found.tolerant else found.reason
-        claim = f"{load} is held" + ("" if found.exact else ", to 1e-9 of load and commands")
+        claim = f"{load} is held" + ("" if found.exact else ", to 1e-9 of the load")
         parts.append(Replay(load, claim, reason, {"residual": found.residual, "exact": found.exact}))
     witnesses.done()
     f.done()

@@ -35,8 +35,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
-from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.rational import ZERO, dot, rational, rounded
+from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, rational, rounded
 from handfast.proofs.rows import UNIT
 
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
@@ -317,7 +316,10 @@ class LeafSystems:
         terms = self._summed(np.abs(y * self.b)) + np.abs(v) @ np.abs(self.h)
         value = self._summed(y * self.b) + v @ self.h - self.error * terms
         value -= (self._summed(change_y * np.abs(self.b)) + change_v @ np.abs(self.h)) * ABOVE
-        slack, grows = self.side.costs(self.equations.about, v / unit, change_v / unit)
+        motions = self.rows.value[:, self.equations.columns.n :]
+        pairs = ((y, motions), (change_y + 16 * UNIT * np.abs(y) * self.count[self.leaf], np.abs(motions)))
+        z = [self._summed((x / self.unit)[:, None] * each) for x, each in pairs]
+        slack, grows = self.side.costs(self.equations, v / unit, change_v / unit, *z)
         first = self.rows.first
         pushes = self._summed(np.where(first, y - change_y, 0.0) / self.unit) * (1 - 1e-9)
         energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / self.unit) * self.side.energy
@@ -487,7 +489,10 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
         return NONE
     multipliers = np.zeros((1, len(s.E)))
     multipliers[0, ties] = [rounded(x) for x in w[len(own) :]]
-    slack, grows = s.side.costs(q.about, multipliers, np.zeros_like(multipliers))
+    motions = s.rows.value[own, q.columns.n :]
+    of_motions = [[rounded(dot(w[: len(own)], map(rational, column))) for column in motions.T]]
+    z = np.array(of_motions).reshape(1, motions.shape[1])
+    slack, grows = s.side.costs(q, multipliers, np.zeros_like(multipliers), z, np.abs(z) * 1e-9)
     pushes, energy = (
         rounded(sum((x for x, k in zip(w, own, strict=False) if which[k]), ZERO))
         for which in (s.rows.first, s.rows.energy)

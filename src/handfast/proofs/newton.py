@@ -19,8 +19,7 @@ from functools import cached_property
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from handfast.proofs.fields import Array, Integers
-from handfast.proofs.rational import rational, rationals
+from handfast.proofs.fields import Array, Integers, rational, rationals
 from handfast.proofs.states import ULP, Contact, Laws, Modes, Part, Problem, Rows, State
 
 ROUNDS = 5  # for a box
@@ -49,25 +48,14 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """Unknowns that change with the magnitude, by v (6 + l,) and phi (N + 1,) per unit, up to `reach` both ways."""
-
-    v: Array
-    phi: Array
-    reach: float
-
-
-@dataclass(frozen=True, eq=False)
 class System:
     """The equations in some modes, linearised at the floats x0; n unknowns, k equations.
 
     Attributes:
         p, modes: the problem and the modes.
-        balanced: are (1) and (2) among the equations, and forces and magnitude among the unknowns?
         rows: the laws. kept: held rows that the others follow from. full: (n,) of `laws`, whose force is the limit.
         v, phi: (6 + l,), (N + 1,) motions and forces; those of the contacts follow from v.
-        slope: (6 + l,) what a unit of magnitude adds to (1) and (2); 0 if there is no magnitude.
-        sought: (6 + l,) the same; 0 if the magnitude is no unknown.
+        sought: (6 + l,) what a unit of magnitude adds to (1) and (2); 0 if the magnitude is no unknown.
         d, d_off, phi_off: motions (N + 1,), and what rounding leaves open of motions and forces.
         laws: forces of the contacts. K_off: (n,) what rounding leaves open of their derivatives.
         value, value_off: (k,) what the equations miss at x0. A, A_size: (k, n) derivatives. units: (k,) for scaling.
@@ -77,13 +65,11 @@ class System:
 
     p: Problem
     modes: Modes
-    balanced: bool
     rows: Rows
     kept: Integers
     full: Integers
     v: Array
     phi: Array
-    slope: Array
     sought: Array
     d: Array
     d_off: Array
@@ -99,7 +85,7 @@ class System:
     residual: float
 
     @classmethod
-    def of(cls, p: Problem, modes: Modes, x: State, balanced: bool, free: bool) -> System:
+    def of(cls, p: Problem, modes: Modes, x: State, free: bool) -> System:
         """free: is the magnitude an unknown, if there is one? Raises `NotShown`."""
         g, (M, size), v = p.grasp, p.grasp.rows, x.motion
         unit = rounding(p)
@@ -116,8 +102,7 @@ class System:
         K_off = change + 32 * ULP * (1.0 + laws.rub * (1.0 + steep))
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
         force_off += laws.rounding(p, d)[:, None]
-        phi = rows.given + p.magnitude * rows.drive
-        phi_off = 4 * ULP * np.abs(p.magnitude * rows.drive)
+        phi, phi_off = rows.given.copy(), np.zeros(len(rows.given))
         phi[laws.rows] += laws.force
         phi_off[laws.rows] += force_off
         phi[rows.unknown] = printed[rows.unknown]
@@ -127,8 +112,7 @@ class System:
         along = np.zeros(6) if p.along is None else p.along
         load = np.r_[p.load, g.torque]
         load_size = np.abs(np.r_[np.abs(p.wrench) + np.abs(p.magnitude * along), g.torque])
-        slope = np.r_[along, np.zeros(g.l)] + M.T @ rows.drive
-        sought = slope * free
+        sought = np.r_[along, np.zeros(g.l)] * free
         missing = M.T @ phi + load
         missing_off = unit * (size.T @ np.abs(phi) + load_size) + size.T @ phi_off
         held = np.flatnonzero(rows.held)
@@ -145,9 +129,6 @@ class System:
         residual = (
             max(np.abs(x).max(initial=0.0) for x in (value * units, d[held] / p.grasp.row_units[held], gap)) / p.scale
         )
-        if not balanced:
-            nv = len(v)
-            A, A_size, value, value_off, units = A[nv:, :nv], A_size[nv:, :nv], value[nv:], value_off[nv:], units[nv:]
         args = (
             d,
             d_off,
@@ -162,8 +143,8 @@ class System:
             np.arange(len(value)),
             float(residual),
         )
-        system = cls(p, modes, balanced, rows, kept, full, v, phi, slope, sought, *args)
-        return system if not balanced or system.regular else system._without_dependent()
+        system = cls(p, modes, rows, kept, full, v, phi, sought, *args)
+        return system if system.regular else system._without_dependent()
 
     @property
     def regular(self) -> bool:
@@ -195,11 +176,10 @@ class System:
     @cached_property
     def columns(self) -> Array:
         """(n,) that scale the unknowns."""
-        g, parts = self.p.grasp, [self.p.grasp.column_units]
-        if self.balanced:
-            parts.append(1.0 / g.row_units[self.rows.unknown])
-            if self.sought.any():
-                parts.append(1.0 / np.abs(self.sought * g.column_units).max(keepdims=True))
+        g = self.p.grasp
+        parts = [g.column_units, 1.0 / g.row_units[self.rows.unknown]]
+        if self.sought.any():
+            parts.append(1.0 / np.abs(self.sought * g.column_units).max(keepdims=True))
         return np.concatenate(parts)
 
     @cached_property
@@ -225,38 +205,27 @@ class System:
         said = f"Newton's test fails at a residual of {self.residual:.1e}"
         return NotShown(said if rounding else f"{said}, with {BITS} bits, too", between(self.modes), rounding)
 
-    def box(self, step: Step | None = None) -> Box:
-        """A box about x0 in which an exact solution is. Raises `NotShown`.
-
-        step: a box that has one for each magnitude in reach, about unknowns that follow it.
-        """
+    def box(self) -> Box:
+        """A box about x0 in which an exact solution is. Raises `NotShown`."""
         p, laws, (M, size), nv = self.p, self.laws, self.p.grasp.rows, len(self.v)
         unit, unknown = rounding(p), self.rows.unknown
-        value, walked, phi_walked = np.abs(self.value) + self.value_off, np.zeros(len(M)), np.zeros(len(M))
-        if step is not None:
-            x = np.concatenate([step.v, step.phi[unknown]])
-            missing = np.concatenate([self.slope, np.zeros(len(self.kept) + len(self.full))])[self.used]
-            off = unit * (self.A_size @ np.abs(x) + np.abs(missing) + self._drive_size)
-            value = value + step.reach * (np.abs(self.A @ x + missing) + off)
-            walked = step.reach * (np.abs(M @ step.v) + unit * (size @ np.abs(step.v)))
-            phi_walked = step.reach * np.abs(step.phi)
+        value = np.abs(self.value) + self.value_off
         C = self.inverse if value.any() else np.zeros(self.A.T.shape)
         Cv = np.abs(C[:nv])
         moved = np.abs(M @ C[:nv]) + unit * (size @ Cv)
-        turned, spread = moved[laws.rows].sum(axis=1), np.zeros((nv * self.balanced + len(self.kept), len(laws.rows)))
-        if self.balanced:
-            spread[:nv] = size[laws.rows].sum(axis=1).T
+        turned, spread = moved[laws.rows].sum(axis=1), np.zeros((nv + len(self.kept), len(laws.rows)))
+        spread[:nv] = size[laws.rows].sum(axis=1).T
         spread = np.concatenate([spread, np.eye(len(laws.rows))[self.full]])[self.used]
         error = np.abs(self.A @ C - np.eye(len(value))) + unit * (self.A_size @ np.abs(C))
         radius = value * (1 + 1e-6)
 
         def changes(radius: Array) -> tuple[Array, Array]:
             """Of the derivatives of the contacts' forces, and of the motions that these come from."""
-            off = moved[laws.rows] @ radius + (self.d_off + walked)[laws.rows]
+            off = moved[laws.rows] @ radius + self.d_off[laws.rows]
             return laws.change(p, np.sqrt((off**2).sum(axis=1))) + self.K_off, off
 
         for _ in range(ROUNDS):
-            by_contact = changes(radius)[0] * (turned @ radius + walked[laws.rows].sum(axis=1))
+            by_contact = changes(radius)[0] * (turned @ radius)
             if not np.isfinite(by_contact).all():
                 raise self.fails(True)
             grown = value + error @ radius
@@ -266,25 +235,15 @@ class System:
             radius = 1.2 * grown
         else:
             raise self.fails(True)
-        d_off, phi_off, (change, off) = moved @ radius + self.d_off + walked, self.phi_off.copy(), changes(radius)
+        d_off, phi_off, (change, off) = moved @ radius + self.d_off, self.phi_off.copy(), changes(radius)
         rounded = laws.rounding(p, self.d)
         phi_off[laws.rows] = _times(np.abs(laws.K), off) + (change * off.sum(axis=1) + rounded)[:, None]
-        s_off = 0.0 if step is None else step.reach
-        phi_off[unknown] = phi_walked[unknown]
-        if self.balanced:
-            away = np.abs(C[nv:]) @ radius
-            phi_off[unknown] += away[: unknown.sum()]
-            s_off += float(away[-1]) if self.sought.any() else 0.0
+        away = np.abs(C[nv:]) @ radius
+        phi_off[unknown] = away[: unknown.sum()]
+        s_off = float(away[-1]) if self.sought.any() else 0.0
         phi_off[-1] = 0.0
-        phi_off += np.abs(self.rows.drive) * s_off
         held = self.rows.held
         return Box(np.where(held, 0.0, self.d), np.where(held, 0.0, d_off), self.phi, phi_off, p.magnitude, s_off)
-
-    @cached_property
-    def _drive_size(self) -> Array:
-        """(k,) sums of absolute values behind `slope`."""
-        of_rows = self.p.grasp.rows[1].T @ np.abs(self.rows.drive)
-        return np.concatenate([of_rows, np.zeros(len(self.kept) + len(self.full))])[self.used]
 
 
 def between(modes: Modes) -> str:
@@ -372,7 +331,7 @@ def rank_of(rows: Sequence[Sequence[fmpq] | None]) -> int:
 def exact_equations(s: System) -> list[list[fmpq] | None]:
     """(k, n + 1) coefficients and constants of the equations that are linear, exactly; None for the others."""
     p, M, nv = s.p, s.p.grasp.exact_rows, len(s.v)
-    unknown, has = np.flatnonzero(s.rows.unknown).tolist(), int(p.along is not None or p.drive is not None)
+    unknown, has = np.flatnonzero(s.rows.unknown).tolist(), int(p.along is not None)
     n = nv + len(unknown) + has + 1
     zero, magnitude = fmpq(0), rational(p.magnitude)
 
@@ -384,7 +343,7 @@ def exact_equations(s: System) -> list[list[fmpq] | None]:
         return row
 
     forces: list[list[fmpq] | None]
-    forces = [affine((), *pair) for pair in zip(rationals(s.rows.drive), rationals(s.rows.given), strict=True)]
+    forces = [affine(constant=x) for x in rationals(s.rows.given)]
     for rows, speed, lean in zip(s.laws.rows.tolist(), s.laws.speed, s.laws.lean, strict=True):
         for k, share in zip(rows, [1.0, *lean], strict=True):
             slope = -rational(p.cos) * rational(share)

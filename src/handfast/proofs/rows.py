@@ -3,7 +3,7 @@
 A row says: value >= 0, of the unknowns x (`Columns`) and the motions they make. Which rows hold in which case is
 `legal`; what they say as numbers is `row_values`. U_a is the unit vector of direction a, a whole number, 2^24 to the
 turn; a *sector* is a pair left < right of them. A soft finger slides in a patch of the sphere of directions instead
-(`patches`), whose number stands in the place of the sector's left end. Actuators are mirrored into the sense of their
+(`cases`), whose number stands in the place of the sector's left end. Actuators are mirrored into the sense of their
 command, so that (8) reads t >= 0, f >= |f_c| everywhere.
 """
 
@@ -14,17 +14,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from handfast.proofs.cases import CLOSED, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, contains, patch
 from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.kinds import TURN, WIDER, ActuatorState, ContactState, Row
-from handfast.proofs.patches import contains, patch
+from handfast.proofs.kinds import TURN, WIDER, Row
 from handfast.proofs.question import LARGEST, TORQUES, Question, Range
+from handfast.proofs.tolerance import EPS, load_scale
 
-HALF = TURN // 2  # a sector is narrower than this
 WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a turn, it would say nothing
 UNIT = 2.0**-53  # relative error of one rounded operation
 
-UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
-FREE, LOCKED, MOVES = ActuatorState
 KINDS = frozenset(int(row) for row in Row)
 OF_CONTACT = np.isin(np.arange(32), [k for k in KINDS if k <= Row.STILL_2_DOWN or k > Row.ENERGY])
 OF_ACTUATOR = np.isin(np.arange(32), np.arange(Row.T_UP, Row.BOUND_UP))
@@ -322,6 +320,7 @@ def _put_energy(q: Question, rows: LeafRows, value: Array, right: Array) -> None
     at, m, a = Columns.of(q), q.grasp.m, q.actuators
     x, f_c, per_scalar = rows.references[rows.index[here]], q.load.f_a, q.load.f_b
     value[here, at.r], value[here, at.q] = q.load.w_a, q.load.g_a
-    value[here[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m]
+    slip = EPS * (1 + 1e-6) * load_scale(q.grasp, q.load.w_a)  # of which friction and pressure make work
+    value[here[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m] + slip * (1 + q.grasp.mu)
     value[here[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_scalar) * (1 + 4 * UNIT)
     right[here] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)

@@ -25,6 +25,7 @@ import numpy as np
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
 from handfast.proofs.grasp import GraspData
+from handfast.proofs.question import Question
 from handfast.proofs.tolerance import load_scale
 
 ULP = 2.0**-53
@@ -78,10 +79,10 @@ def read_state(f: Fields, g: GraspData) -> State:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What a state has to solve: the load is wrench + magnitude along, the commands are the grasp's + magnitude drive.
+    """What a state has to solve: the load is wrench + magnitude along.
 
     Attributes:
-        along (6,), drive (a,): None where there is no magnitude; else it is an unknown of the proof.
+        along (6,): None where there is no magnitude; else it is an unknown of the proof.
         cos, sin: of the uncertainty of the normals, as they were rounded.
         torque_limit: (a,) of |f|, inf where there is none. force_limit: of every normal force.
     """
@@ -89,7 +90,6 @@ class Problem:
     grasp: GraspData
     wrench: Array
     along: Array | None = None
-    drive: Array | None = None
     magnitude: float = 0.0
     cos: float = 1.0
     sin: float = 0.0
@@ -97,16 +97,25 @@ class Problem:
     torque_limit: Array = field(default_factory=lambda: np.zeros(0))
     force_limit: float = np.inf
 
+    @classmethod
+    def of(
+        cls, q: Question, command: Array, base: Array, along: Array | None = None, magnitude: float = 0.0
+    ) -> Problem:
+        """That of a question under commands: the load is base, or base + magnitude along."""
+        limits = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.actuators], dtype=float)
+        cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
+        g = q.grasp.with_command(command)
+        return cls(g, base, along, magnitude, cos, sin, q.mdp, limits, q.force_limit)
+
     @cached_property
     def load(self) -> Array:
         """(6,) rounded."""
         return self.wrench if self.along is None else np.asarray(self.wrench + self.magnitude * self.along)
 
-    @cached_property
+    @property
     def command(self) -> Array:
-        """(a,) rounded."""
-        f_c = self.grasp.command
-        return f_c if self.drive is None else np.asarray(f_c + self.magnitude * self.drive)
+        """(a,) of the grasp."""
+        return self.grasp.command
 
     @cached_property
     def limit(self) -> Array:
@@ -116,7 +125,7 @@ class Problem:
     @cached_property
     def scale(self) -> float:
         """[N] `load_scale`."""
-        return load_scale(self.grasp.with_command(self.command), self.load)
+        return load_scale(self.grasp, self.load)
 
 
 class Contact(IntEnum):
@@ -173,18 +182,17 @@ def reaction_ends(g: GraspData) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The laws of all rows in some modes, (N + 1,) each: held, unknown, given forces, their share of a magnitude."""
+    """The laws of all rows in some modes, (N + 1,) each: held, unknown, given forces."""
 
     held: Mask
     unknown: Mask
     given: Array
-    drive: Array
 
     @classmethod
     def of(cls, p: Problem, modes: Modes) -> Rows:
         g, n = p.grasp, len(p.grasp.rows[0])
         held, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-        given, drive = np.zeros(n), np.zeros(n)
+        given = np.zeros(n)
         held[p.grasp.contact_rows[modes.contact == Contact.TOUCHES, 0]] = True
         sticks = modes.contact == Contact.STICKS
         held[p.grasp.contact_rows[sticks, 1:]] = True
@@ -198,7 +206,6 @@ class Rows:
         at_command = ~unknown[actuators] & ~high & ~lowest
         given[actuators] = np.where(at_command, g.command, 0.0)
         given[actuators][high], given[actuators][lowest] = p.limit[high], -p.limit[lowest]
-        drive[actuators] = 0.0 if p.drive is None else np.where(at_command, p.drive, 0.0)
         held[couplings] = unknown[couplings] = True
         k, (lo, hi) = modes.joint, reaction_ends(g)
         held[joints] = (k != Part.MOVES) & (k != Part.OPENS) & (k != Part.FREE)
@@ -206,7 +213,7 @@ class Rows:
         low, high = (k == Part.MOVES) | (k == Part.LOW), (k == Part.OPENS) | (k == Part.HIGH)
         given[joints] = np.where(low, lo, np.where(high, hi, 0.0))
         held[-1] = unknown[-1] = False
-        return cls(held, unknown, given, drive)
+        return cls(held, unknown, given)
 
 
 def sense(p: Problem) -> Array:
@@ -269,10 +276,12 @@ def _contact(
     slides, rubs = hypot(*d[1:]), hypot(*phi[1:])
     gap = p.cos * d[0] + p.sin * slides
     if phi[0] <= none_f:
-        shut = [Contact.TOUCHES, Contact.OPEN] if abs(gap) <= none_d else [Contact.OPEN, Contact.TOUCHES]
-        if abs(gap) > none_d or phi[0] < 0:
-            return [(int(k), False) for k in shut]
-        return [(int(k), False) for k in (*shut, Contact.STICKS, Contact.SLIDES)]
+        near, still = abs(gap) <= none_d, slides <= none_d
+        shut = [Contact.TOUCHES] if near else []
+        if near and gap < 0:  # it presses by as little
+            shut += [Contact.STICKS, Contact.SLIDES] if still else [Contact.SLIDES]
+        shut += [x for x in (Contact.OPEN, Contact.TOUCHES, Contact.STICKS, Contact.SLIDES) if x not in shut]
+        return [(int(k), False) for k in (shut if near else shut[:2])]
     still = slides <= none_d
     if not p.mdp:
         kinds = [Contact.LEANS] if mu > 0 and mu * phi[0] - rubs <= none_f else []

@@ -1,10 +1,12 @@
-"""What "to 1e-9 of load and commands" means, for proofs that a state exists and for proofs that none does.
+"""What "to 1e-9 of the load" means, for proofs that a state exists and for proofs that none does.
 
-A state holds so if it solves the model exactly under a load w' and with joint torques tau' that differ from the given
-ones by at most this: |dw_force| <= EPS F, |dw_torque| <= EPS F size about the contacts' centroid, |dtau_j| <= EPS F
-times `GraspData.joint_units`; and the work of these differences along its motions is at most WORK F^2. F is the scale
-of the load alone. Contact forces, however large, grant nothing. Proofs that no state exists give way in (1), (2) and
-the balance of energy by at least as much, so that there is no question of which both can be proved.
+A state holds so if it solves the model exactly under a load w', with joint torques tau' and motions d' at the contacts
+that differ from the given ones, and from those of object and fingers, by at most this: |dw_force| <= EPS F,
+|dw_torque| <= EPS F size about the contacts' centroid, |dtau_j| <= EPS F times `GraspData.joint_units`,
+|dd_i| <= EPS F at each contact, the turning of a soft finger included; and the work of dw and dtau along its motions is
+at most WORK F^2. F is the scale of the load alone. Contact forces, however large, grant nothing. Proofs that no state
+exists give way in (1), (2), (3) and the balance of energy by at least as much, so that there is no question of which
+both can be proved.
 """
 
 from __future__ import annotations
@@ -15,11 +17,14 @@ import numpy as np
 
 from handfast.proofs.fields import Array
 from handfast.proofs.grasp import GraspData
+from handfast.proofs.question import Question
 
 EPS = 1e-9
 WORK = 1e-6
 LEAST = 1e-100  # [N] nothing is proved of smaller scales: roundings of their products are not in proportion
 TOO_SMALL = f"the load and the commands are below {LEAST:g} N, where rounding is not bounded"
+ENDLESS = 1e3  # times the other forces in play: a disturbance that is resisted up to there counts as unbounded
+FAR = 1e4  # times all forces in play: a proof for motions inside a cap counts as complete from there on
 
 
 def about_centroid(g: GraspData, w: Array) -> Array:
@@ -28,14 +33,18 @@ def about_centroid(g: GraspData, w: Array) -> Array:
     return np.asarray(w[3:] - np.array([y * c - z * b, z * a - x * c, x * b - y * a]))
 
 
+def size_of(g: GraspData, w: Array) -> float:
+    """[N] of a wrench (6,): its force, or its torque about the contacts' centroid over `size`, whichever is larger."""
+    return max(hypot(*w[:3].tolist()), hypot(*about_centroid(g, w).tolist()) / g.size)
+
+
 def load_scale(g: GraspData, w: Array) -> float:
-    """[N] of a load w (6,): its force, or its torque about the contacts' centroid over `size`, whichever is larger.
+    """[N] of a load w (6,): `size_of` it.
 
     Without a load: the largest command or given torque as a force, each joint's over `joint_units`; 1 if none acts.
     As a norm of w it is at most the sum of the scales of the parts of w.
     """
-    torque = about_centroid(g, w)
-    scale = max(hypot(*w[:3].tolist()), hypot(*torque.tolist()) / g.size)
+    scale = size_of(g, w)
     if scale == 0 and g.l:
         drives = np.abs(g.R.T * g.command) / g.joint_units[:, None]
         scale = max(float(drives.max(initial=0.0)), float((np.abs(g.torque) / g.joint_units).max()))
@@ -45,3 +54,30 @@ def load_scale(g: GraspData, w: Array) -> float:
 def slack(g: GraspData, scale: float) -> Array:
     """(6 + l,) by which (1), forces and torques about the contacts' centroid, and (2), by joint, may be missed."""
     return EPS * scale * np.r_[1.0, 1.0, 1.0, g.size * np.ones(3), g.joint_units]
+
+
+# --- forces in play in a question [N], as forces at a contact: units, axes and the origin change nothing ----
+
+
+def drives(q: Question) -> float:
+    """[N] the largest of commands, limits, given torques and friction of joints, each where it meets a contact."""
+    g, e = q.grasp, q.equivalent
+    touching = g.J.any(axis=0) | g.twist_jacobian.any(axis=0)
+    moves = (g.R[:, touching] != 0).any(axis=1)
+    limits = np.array([q.torque_limits.get(name, 0.0) for name in g.actuators])
+    of_actuators = (np.maximum(np.abs(g.command) * (not q.seeks_commands), limits) / g.actuator_arms)[moves]
+    free = touching & ~e.held
+    of_joints = ((np.abs(g.torque) + g.friction) / g.joint_arms)[free]
+    back = (np.abs(g.command) / g.actuator_arms)[moves & g.backdrivable]
+    force = q.force_limit if np.isfinite(q.force_limit) else 0.0
+    return float(max(x.max(initial=0.0) for x in (of_actuators, of_joints, back, np.array([force]))))
+
+
+def farthest(q: Question) -> float:
+    """The magnitude up to which a maximum is to be sought at least: `ENDLESS` times the other forces in play.
+
+    Endless where the direction is no force.
+    """
+    others = max(size_of(q.grasp, q.wrench), drives(q))
+    along = size_of(q.grasp, q.direction)
+    return ENDLESS * (others or along) / along if along else np.inf

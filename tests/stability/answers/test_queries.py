@@ -390,10 +390,10 @@ def test_without_dissipation_two_workers_answer(wrench: list[float]) -> None:
 
 
 def test_a_state_between_two_modes_is_saved_and_replayed() -> None:
-    """The weight of 0.3 kg along x of fig11: proved to 1e-9 in no modes; its contacts are told by the numbers."""
+    """The weight of 0.3 kg along x of fig11: a contact is in line with others but for rounding, and hardly presses."""
     grasp = load_grasp("fig11")
     answer = queries.check(grasp, [0.3 * 9.81, 0, 0, 0, 0, 0])
-    assert (answer.verdict, answer.exact) == (Verdict.HOLDS, False)
+    assert (answer.verdict, answer.exact) == (Verdict.HOLDS, True)
     contacts = answer.to_json()["contacts"]
     total = sum(np.array(contact["force"]) for contact in contacts)
     np.testing.assert_allclose(total, [-0.3 * 9.81, 0, 0], atol=1e-8)

@@ -54,11 +54,12 @@ def test_not_asked_is_null() -> None:
 
 
 def test_states_of_ranges_are_those_of_little_motion() -> None:
-    """What the search finds of fig1 turns by 1e8 N/m beside loads of 1 N: rounding would leave every range unproved."""
+    """What the search finds of fig1 turns by 1e8 N/m beside 1 N. So do states where modes change, no others."""
     answer = maximum(load_grasp("fig1"), [0, 1, 0, 0, 0, 0], interval=True)
     assert answer.interval is not None
     assert answer.interval.holds_from_zero_to == answer.lower
-    assert max(np.abs(x.r).max() for arc in answer.interval.arcs for x in arc.controls) < 100
+    little = [arc for arc in answer.interval.arcs if max(np.abs(x.r).max() for x in arc.controls) < 100]
+    assert sum(arc.last - arc.first for arc in little) > (1 - 1e-6) * answer.lower
 
 
 def test_above_a_base_load() -> None:

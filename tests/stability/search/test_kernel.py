@@ -17,8 +17,9 @@ import pytest
 from numba import njit
 
 from handfast.core.groups import Block
+from handfast.proofs.cases import HALF
 from handfast.proofs.kinds import TURN, ActuatorState, ContactState
-from handfast.proofs.rows import HALF, directions
+from handfast.proofs.rows import directions
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.objective import (

@@ -63,7 +63,7 @@ def test_a_map_is_proved() -> None:
     claims = {part.name: part.claim for part in done.parts}
     assert claims == {  # along x any force both ways; along y nothing, or a lower and an upper bound
         "without_preload": "largest forces by direction: 4 claims",
-        "with_preload": "largest forces by direction: 6 claims, some states to 1e-9 of load and commands",
+        "with_preload": "largest forces by direction: 6 claims",
     }
 
 

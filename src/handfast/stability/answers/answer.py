@@ -19,7 +19,7 @@ from handfast.core.files import write_text
 from handfast.core.shown import Shown
 from handfast.proofs import answers
 from handfast.proofs.certificate import Certificate, proof_to_dict
-from handfast.proofs.existence import Proved
+from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
@@ -105,7 +105,7 @@ class Answer(Shown, ABC):
     def _proved(self, w: Witness, until: float = np.inf) -> Proved:
         """What is proved of a state, until [s] of `time.monotonic`."""
         assert self.posed is not None
-        return answers.proved(self._problem(w), stated(w.state), self.posed.question.eta, until)
+        return prove(self._problem(w), stated(w.state), until)
 
     def _problem(self, w: Witness) -> Problem:
         """What a state has to solve."""
@@ -113,10 +113,10 @@ class Answer(Shown, ABC):
         (p, goal), question, along = self.posed, self.posed.question, self._along
         command = w.grasp.command if goal.seeks_commands else p.grasp.command
         if along is None:
-            return answers.problem(question, command, w.wrench)
+            return Problem.of(question, command, w.wrench)
         base = p.wrench if goal.maximised else np.zeros(6)
         magnitude = float((w.wrench - base) @ along / (along @ along))
-        return answers.problem(question, command, base, along, magnitude)
+        return Problem.of(question, command, base, along, magnitude)
 
     def settled(self, until: float = np.inf) -> Self:
         """UNDECIDED if its witness cannot be proved to be one, or if it slips up to motions that are too small only.
@@ -158,7 +158,7 @@ class Answer(Shown, ABC):
 
     @property
     def certain(self) -> bool:
-        """Is a witness proved to be one, exactly or to 1e-9 of load and commands?"""
+        """Is a witness proved to be one, exactly or to 1e-9 of the load?"""
         known = self._of_found
         return known is not None and (known.exact or known.tolerant)
 

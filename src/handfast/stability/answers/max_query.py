@@ -188,7 +188,7 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
     def least(found: Witness) -> State:
         return least_motion(found, p.limits).state
 
-    shown = resisted(p, goal, answer.lower, answer.upper, answer.witness.state, settings, least)
+    shown = resisted(p, goal, answer.lower, answer.upper, least(answer.witness), settings, least)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
 
 
@@ -200,7 +200,7 @@ def _state(x: StateData) -> State:
 def _in_modes(p: Problem, x: StateData, modes: Modes) -> StateData:
     """The state of a magnitude in given modes, by Newton's method; x where it fails."""
     try:
-        v, forces, _ = solution(System.of(replace(p, wrench=p.load, along=None), modes, x, True, True))
+        v, forces, _ = solution(System.of(replace(p, wrench=p.load, along=None), modes, x, True))
     except NotShown:
         return x
     return StateData.of(p.grasp, v, forces)

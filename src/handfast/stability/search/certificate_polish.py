@@ -15,11 +15,12 @@ import numpy as np
 
 from handfast.core.arrays import Array, Mask
 from handfast.proofs import rows
+from handfast.proofs.cases import leaf_cases
 from handfast.proofs.certificate import ROWS, Certificate
 from handfast.proofs.equations import Equations, RightSide, equations_of
 from handfast.proofs.fields import Integers
-from handfast.proofs.rows import TURN, ActuatorState, Columns, ContactState, LeafRows, Row
-from handfast.proofs.tree import leaf_cases
+from handfast.proofs.kinds import TURN, ActuatorState, ContactState, Row
+from handfast.proofs.rows import Columns, LeafRows
 
 TANGENTS = 8  # directions, besides those that the leaf's own ray has
 ROOM = 1.01  # by which a multiplier grows faster than what may be missed
@@ -58,14 +59,21 @@ def _ray(c: Certificate, leaf: int, case: Integers, equations: Equations, side: 
     n, scale = equations.columns.n, equations.scale
     F = (value[:, :n] + value[:, n:] @ equations.Z) * scale
     unit = np.exp2(np.round(np.log2(np.maximum(np.abs(F).max(axis=1, initial=0.0), 1e-300))))
+    touching = [*range(n, n + 3 * q.grasp.m), *range(value.shape[1] - len(q.grasp.soft), value.shape[1])]
+    slips = value[:, touching].T / unit
     first = (some.kind == Row.BOUND_UP) & (some.index == Columns.of(q).scalar.start) & q.has_scalar
     program = _Program(
         B=np.concatenate([F / unit[:, None], equations.E * scale / equations.unit[:, None]]),
         right=np.concatenate([right / unit, side.h / equations.unit]),
         free=np.concatenate([rows.equalities(q, some, case[None]), np.ones(len(side.h), dtype=bool)]),
-        about=np.hstack([np.zeros((len(side.h), len(F))), equations.about / equations.unit]),
-        slack=side.slack,
-        growth=side.growth,
+        about=np.block(
+            [
+                [np.zeros((len(side.h), len(F))), equations.about / equations.unit],
+                [slips, np.zeros((len(slips), len(side.h)))],
+            ]
+        ),
+        slack=np.append(side.slack, np.full(len(slips), side.slip)),
+        growth=np.append(side.growth, np.full(len(slips), side.slip_growth)),
         first=np.concatenate([np.where(first, 1 / unit, 0.0), np.zeros(len(side.h))]),
         ends=c.scalar or (0.0, 0.0),
     )
@@ -86,7 +94,7 @@ class _Program:
 
     Attributes:
         B, right: (K, n), (K,). free: (K,) multipliers of any sign.
-        about: (p, K) from multipliers to those that slack and growth (p,) are for, see `equations.RightSide`.
+        about: (p', K) from multipliers to those that slack and growth (p',) are for, see `equations.RightSide`.
         first: (K,) how much each multiplier pushes the scalar's first end. ends: of the scalar.
     """
 

@@ -17,10 +17,9 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
-from handfast.proofs import arcs
-from handfast.proofs.arcs import Arc
+from handfast.proofs import near, ranges
 from handfast.proofs.certificate import Certificate
-from handfast.proofs.ranges import Known, known
+from handfast.proofs.ranges import Arc, Known, known
 from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, Objective, Range
@@ -210,7 +209,7 @@ class _Magnitudes:
         if self._modes(za) != self._modes(zb):
             return False
         points = []
-        for t in arcs.nodes(DEGREE):
+        for t in near.nodes(DEGREE):
             z = za if t == 0 else zb if t == 1 else self._at(a + t * (b - a), za + t * (zb - za))
             if z is None:
                 return False
@@ -218,9 +217,9 @@ class _Magnitudes:
         return self._arc(a, b, points)
 
     def _arc(self, a: float, b: float, points: list[Array]) -> bool:
-        controls = arcs.controls_of(len(points) - 1) @ np.array(points)
+        controls = near.controls_of(len(points) - 1) @ np.array(points)
         arc = Arc(a, b, tuple(stated(self._state(z)) for z in controls))
-        if arcs.replayed(self.question, arc)[0]:
+        if ranges.replayed(self.question, arc)[0]:
             return False
         self.arcs.append(arc)
         return True

@@ -5,9 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from handfast.proofs.cases import (
+    CLOSED,
+    FREE,
+    HALF,
+    LOCKED,
+    MOVES,
+    OPEN,
+    SLIDE,
+    STICK,
+    TURN,
+    UNDECIDED,
+    BadCertificate,
+    leaf_cases,
+)
 from handfast.proofs.question import Question
-from handfast.proofs.rows import CLOSED, FREE, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
-from handfast.proofs.tree import BadCertificate, leaf_cases
 from tests.support.proof_states import contact, pinch, question
 
 ROOT = (-1, 0, 0, 0, 0)

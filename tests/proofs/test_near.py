@@ -8,11 +8,13 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.proofs.answers import problem, proved
-from handfast.proofs.existence import Proved
+from handfast.proofs.equations import RightSide, equations_of
+from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
+from handfast.proofs.near import near
 from handfast.proofs.question import read_question
-from handfast.proofs.states import State
+from handfast.proofs.states import Problem, State
+from handfast.proofs.tolerance import EPS
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.objective import ANY_STATE
@@ -33,13 +35,20 @@ def slide(name: str, axis: list[float], *contacts: int, **law: object) -> GraspJ
     return GraspJoint(name, axis, [0, 0, 0], contacts, "prismatic", **law)  # type: ignore[arg-type]
 
 
-def judged(grasp: Grasp, load: list[float], state: dict[str, Array | list[float]], **limits: float) -> Proved:
-    """What is proved of a state; forces at contacts in the object frame as (m, 3)."""
+def asked(
+    grasp: Grasp, load: list[float], state: dict[str, Array | list[float]], **limits: float
+) -> tuple[Problem, State]:
+    """What a state has to solve, and the state; forces at contacts in the object frame as (m, 3)."""
     q = read_question(BoundProblem(build(grasp, np.array(load), limits=GraspLimits(**limits)), ANY_STATE).to_json(), "")  # type: ignore[arg-type]
     g = q.grasp
     c = np.concatenate([g.frames[i].T @ f for i, f in enumerate(np.asarray(state["forces"], dtype=float))])
     at = {name: np.asarray(state.get(name, np.zeros(n)), dtype=float) for name, n in sizes(g).items()}
-    return proved(problem(q, g.command, q.wrench), State(c=c, **at), q.eta)
+    return Problem.of(q, g.command, q.wrench), State(c=c, **at)
+
+
+def judged(grasp: Grasp, load: list[float], state: dict[str, Array | list[float]], **limits: float) -> Proved:
+    """What is proved of it."""
+    return prove(*asked(grasp, load, state, **limits))
 
 
 def sizes(g: GraspData) -> dict[str, int]:
@@ -144,3 +153,44 @@ def test_an_open_contact_carries_no_friction(mu: float) -> None:
     state = {"r": [0, 0, -(1 + n), 0, 0, 0], "forces": [[0, 0, 1 + n], [-aside, 0, -n]]}
     found = judged(Grasp(contacts, []), [aside, 0, -1, 0, 0, 0], state)
     assert (found.exact, found.tolerant) == (False, False)
+
+
+def pressed_by(slip: float, load: float = 0.3) -> bool:
+    """A finger presses with 1 N on a block on the ground; the object slips; does that hold to the tolerance?"""
+    contacts = [Contact([0, 0, 0.01], [0, 0, -1], FRICTION), Contact([0, 0, -0.01], [0, 0, 1], FRICTION)]
+    grasp = Grasp(contacts, [slide("a", [0, 0, -1], 0)], Mechanism.direct(["a"]), {"a": 1.0})
+    forces = [[-load / 2, 0, -1], [-load / 2, 0, 1]]
+    state = {"r": [slip, 0, -1, 0, 0, 0], "q": [2.0], "f": [1.0], "forces": forces}
+    return near(*asked(grasp, [load, 0, 0, 0, 0, 0], state)).shown
+
+
+def test_a_slip_within_the_tolerance_counts_as_sticking() -> None:
+    """Friction of 0.15 N is inside the cone, against a slip of more it would be 0.5 N."""
+    for slip, holds in ((0.9e-9, True), (-0.9e-9, True), (1.2e-9, False), (-1.2e-9, False), (1e-6, False)):
+        assert pressed_by(0.3 * slip) is holds, slip
+
+
+def test_a_contact_may_be_open_but_for_the_tolerance() -> None:
+    """It does not press where it is 1e-9 of the load, or less, inside of the object."""
+    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.0), Contact([0.01, 0, 0], [-1, 0, 0], 0.0)], [])
+    for inside, holds in ((0.9e-9, True), (2.5e-9, False), (1e-6, False)):
+        state = {"r": [inside, 0, -1, 0, 0, 0], "forces": [[0, 0, 1], [0, 0, 0]]}
+        assert near(*asked(grasp, [0, 0, -1, 0, 0, 0], state)).shown is holds, inside
+
+
+def test_proofs_that_a_load_slips_give_way_by_as_much() -> None:
+    """Multipliers of motions cost EPS times the load, contact by contact as a vector, with the turning."""
+    contacts = [Contact([0, 0, 0.01], [0, 0, -1], 0.5, torsion=0.005), Contact([0, 0, -0.01], [0, 0, 1], 0.5)]
+    grasp = Grasp(contacts, [slide("a", [0, 0, -1], 0)], Mechanism.direct(["a"]), {"a": 1.0})
+    q = read_question(BoundProblem(build(grasp, np.array([7.0, 0, 0, 0, 0, 0])), ANY_STATE).to_json(), "")
+    equations = equations_of(q)
+    side = RightSide.of(q, None, len(equations.E))
+    none = np.zeros((1, len(equations.E)))
+    z = np.array([[2.0, 0, 0, 0, 3.0, 4.0, 100.0, 1.5]])  # two contacts, the actuator, the turning of the first
+    assert z.shape[1] == len(equations.Z)
+    slack, growth = side.costs(equations, none, none, z, np.zeros_like(z))
+    assert slack == pytest.approx(EPS * 7.0 * (2.5 + 5.0), rel=1e-6)
+    assert slack >= EPS * 7.0 * (2.5 + 5.0)
+    assert growth == 0
+    wider, _ = side.costs(equations, none, none, z, np.ones_like(z))
+    assert wider == pytest.approx(EPS * 7.0 * (np.sqrt(3**2 + 1 + 1 + 2.5**2) + np.sqrt(1 + 4**2 + 5**2)), rel=1e-6)
