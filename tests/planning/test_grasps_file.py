@@ -104,8 +104,9 @@ def test_it_needs_neither_engine_nor_search(saved: Data, tmp_path: Path) -> None
     (tmp_path / "g.json").write_text(json.dumps(saved))
     code = (
         "import sys, handfast; done = handfast.verify(sys.argv[1]); assert done.ok, done.reason;"
-        "names = ('numba', 'mujoco', 'pyscipopt', 'gurobipy', 'highspy', 'handfast.stability.search',"
-        " 'handfast.synthesis.search.kernel', 'handfast.planning.evaluation.local_search');"
+        "names = ('numba', 'mujoco', 'pyscipopt', 'gurobipy', 'highspy', 'handfast.stability.search.engine',"
+        " 'handfast.stability.search.search', 'handfast.stability.search.kernel', 'handfast.synthesis.search.kernel',"
+        " 'handfast.planning.evaluation.local_search');"
         "sys.exit(' '.join(n for n in names if n in sys.modules) or 0)"
     )
     command = [sys.executable, "-c", code, str(tmp_path / "g.json")]
