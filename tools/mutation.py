@@ -16,7 +16,7 @@ is mutated anew, and whenever a test of the part has changed all that was alive 
 go to benchmarks/results/mutation.json; docs/testing.md says which of them are equivalent to the original.
 
 A package is a folder of src/handfast with the modules that are in it, not below it. Its tests are the files in the
-folder of the same name in tests/, or in the next folder above that has some.
+folder of the same name in tests/, or in the folders below that, or in the next folder above that has some.
 
 Not counted, alive or dead: mutants that change nothing but words of a message, and `strict` of zip, which only
 guards against lists of unequal lengths. Not planted: faults outside functions, in properties and in functions
@@ -87,7 +87,8 @@ def packages() -> dict[str, Part]:
 def tests_of(package: Path) -> tuple[str, ...]:
     """The files with tests of a package, in tests/."""
     for folder in (package, *package.parents):
-        files = sorted((ROOT / "tests" / folder).glob("test_*.py"))
+        beside = ROOT / "tests" / folder
+        files = sorted(beside.glob("test_*.py")) or sorted(beside.rglob("test_*.py"))
         if files:
             return tuple(str(file.relative_to(ROOT / "tests")) for file in files)
     raise SystemExit(f"{package} has no tests")

@@ -8,8 +8,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from handfast.core.shown import present_with
-
 if TYPE_CHECKING:
     from handfast.core.answer import Reach as Reach
     from handfast.core.answer import Stop as Stop
@@ -175,9 +173,6 @@ _HOME = {
 
 __all__ = sorted(_HOME)
 __version__ = "0.1.0"
-
-
-present_with(lambda: importlib.import_module("handfast.pictures.notebook"))
 
 
 def __getattr__(name: str) -> Any:

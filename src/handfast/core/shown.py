@@ -1,21 +1,15 @@
 """What prints in a few lines and shows itself in a notebook: grasps, hands, objects, answers, maps, plans.
 
-`handfast.pictures.notebook` has the words and the pictures of all of them. It is far above this module, so that the
-package `handfast` names it here when it is imported.
+`handfast.pictures.notebook` has the words and the pictures of all of them. It is far above this module, so it is loaded
+by its name, when something is shown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
 from typing import Any
 
-_presenter: Callable[[], Any]
-
-
-def present_with(presenter: Callable[[], Any]) -> None:
-    """Say who presents, an object or a module with `lines` and `html`; it is asked for when something is shown."""
-    global _presenter
-    _presenter = presenter
+PRESENTER = "handfast.pictures.notebook"  # has `lines` and `html`
 
 
 class Shown:
@@ -30,7 +24,7 @@ class Shown:
             cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]  # here, for `dataclass` to write none
 
     def __repr__(self) -> str:
-        return "\n".join(_presenter().lines(self))
+        return "\n".join(importlib.import_module(PRESENTER).lines(self))
 
     def _repr_html_(self) -> str:
-        return str(_presenter().html(self))
+        return str(importlib.import_module(PRESENTER).html(self))
