@@ -143,7 +143,8 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     claim, base, along, magnitude, command = query.held(saved, w)
     if not _close(w.command, command):
         return None, Replay("witness", claim, "it is a state with other commands")
-    found = prove(Problem.of(q, command, base, along, magnitude), w.state)
+    least = (saved.number("lower") or 0.0) if saved.said["query"] == "max" else -np.inf
+    found = prove(Problem.of(q, command, base, along, magnitude), w.state, least=least)
     reason = "" if found.exact or found.tolerant else found.reason
     reason = reason or query.held_fault(saved, w, found)
     to = "" if found.exact else ", to 1e-9 of the load"

@@ -63,29 +63,36 @@ class Proved:
     modes: Modes | None = None
 
 
-def prove(p: Problem, x: State, until: float = np.inf) -> Proved:
+def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
 
     until: [s] of `time.monotonic`, after which no further modes are tried: nothing is shown then.
+    least: the magnitude that has to be reached; a state with a smaller one is shown only where nothing else is.
     """
     if not p.scale >= LEAST:
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
         done = _attempts(p, x, until, free=free)
-        if free and not done.exact:
+        if free and not _reaches(done, least):
             fixed = _attempts(p, x, until)
             done = fixed if fixed.exact else done
-    if done.exact:
+    if _reaches(done, least):
         return done
     rough = near(p, x)
     if not rough.shown:
         rough = min(rough, _nearer(p, x, rough.modes), key=lambda found: found.missed)
+    if not rough.shown and done.exact:
+        return done
     if not rough.shown:
         reason = f"{done.reason}; {rough.where} is missed by {rough.missed:.1e} of the load"
         return replace(done, reason=reason, residual=rough.missed)
     at = None if p.along is None else (p.magnitude, p.magnitude)
     return Proved(False, True, done.reason, rough.missed, rough.changed, 0.0, at, rough.modes)
+
+
+def _reaches(done: Proved, least: float) -> bool:
+    return done.exact and (done.magnitude is None or done.magnitude[0] >= least)
 
 
 def _nearer(p: Problem, x: State, modes: Modes) -> Near:

@@ -102,10 +102,10 @@ class Answer(Shown, ABC):
         """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
 
-    def _proved(self, w: Witness, until: float = np.inf) -> Proved:
-        """What is proved of a state, until [s] of `time.monotonic`."""
+    def _proved(self, w: Witness, until: float = np.inf, least: float = -np.inf) -> Proved:
+        """What is proved of a state, until [s] of `time.monotonic`; least: see `prove`."""
         assert self.posed is not None
-        return prove(self._problem(w), stated(w.state), until)
+        return prove(self._problem(w), stated(w.state), until, least)
 
     def _problem(self, w: Witness) -> Problem:
         """What a state has to solve."""

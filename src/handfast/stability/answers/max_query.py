@@ -104,16 +104,22 @@ class MaxAnswer(Answer):
         if known is None or w is None or known.exact or self.posed is None or self._along is None:
             return self
         room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
+        lower = self._proved(w, until, -INF)
+        if lower.exact and lower.magnitude is not None and lower.magnitude[0] >= max(self.lower - room / 10, 0.0):
+            return replace(self, lower=lower.magnitude[0])
         p, x = nearby(self._problem(w), stated(w.state), room, until)
         at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
-        shown = self._proved(at, until)
+        shown = self._proved(at, until, -INF)
         if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
             at = replace(at, state=_state(_in_modes(p, x, shown.modes)))
-            shown = self._proved(at, until)
+            shown = self._proved(at, until, -INF)
         if not shown.exact:
             return self
         better = replace(self, found=at)
         return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)))
+
+    def _proved(self, w: Witness, until: float = INF, least: float | None = None) -> Proved:
+        return super()._proved(w, until, self.lower if least is None else least)
 
     def _reaches(self, proved: Proved) -> bool:
         return proved.magnitude is None or proved.magnitude[0] >= self.lower
