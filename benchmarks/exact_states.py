@@ -116,7 +116,7 @@ def rows_of(
         gap = min(most.upper - most.lower, most.lower)
         result, took = proved(most.witness, along, most.lower if along is not None else 0.0, base, options, gap)
         yield about | {"asked": "maximum", "search": seconds, "proof": took} | said(result)
-        lower = most.lower if np.isfinite(most.lower) else most.posed.p.unit_magnitude if most.posed else 1.0
+        lower = most.lower if np.isfinite(most.lower) else most.posed.problem.unit_magnitude if most.posed else 1.0
         loads = [*loads, *(base + share * lower * direction for share in SHARES if lower > 0)]
     for load in loads:
         start = time.process_time()

@@ -190,14 +190,14 @@ class Referee:
 
     def contact(self, i: int, state: int, left: int, right: int) -> None:
         p, at = self.p, self.at
-        cos, sin = np.cos(p.eta), np.sin(p.eta)
+        cos, sin = np.cos(p.limits.eta), np.sin(p.limits.eta)
         d_n, d_t = self.D[3 * i], self.D[3 * i + 1 : 3 * i + 3]
         c_n, c_t = np.zeros(at.n), np.zeros((2, at.n))
         c_n[at.c.start + 3 * i] = c_t[0, at.c.start + 3 * i + 1] = c_t[1, at.c.start + 3 * i + 2] = 1.0
         ring = [k * TURN // 16 for k in range(16)]
         (Ua, Ub) = directions(np.array([left, right]))
         closed = state in (CLOSED, STICK, SLIDE)
-        exact = closed and (state == STICK or p.eta == 0)  # c_n = -d_n
+        exact = closed and (state == STICK or p.limits.eta == 0)  # c_n = -d_n
         for x in [c_n, *c_t] if state == OPEN else []:
             self.row(x, 0.0, 0.0)
         for x in [c_n + cos * d_n] if exact else []:
@@ -210,12 +210,12 @@ class Referee:
             if closed and not exact:
                 self.row(-c_n - cos * d_n + sin * u @ d_t, 0.0, np.inf)
         if left < right:
-            g = -(Ua + Ub) @ d_t / (1 + Ua @ Ub) if p.eta else np.zeros(at.n)
+            g = -(Ua + Ub) @ d_t / (1 + Ua @ Ub) if p.limits.eta else np.zeros(at.n)
             self.row(-(Ua[0] * d_t[1] - Ua[1] * d_t[0]), 0.0, np.inf)
             self.row(-(Ub[1] * d_t[0] - Ub[0] * d_t[1]), 0.0, np.inf)
         else:
             g = np.zeros(at.n)
-        if not exact and (left < right or p.eta == 0):
+        if not exact and (left < right or p.limits.eta == 0):
             self.row(c_n + cos * d_n + sin * g, 0.0, np.inf)
         if state == SLIDE:
             self.row(((Ua + Ub) @ c_t - p.mu[i] * (1 + Ua @ Ub) * c_n) / 2, 0.0, np.inf)
@@ -247,8 +247,8 @@ class Referee:
             size = np.linalg.norm(c[i, 1:])
             if state != OPEN and size > p.mu[i] * c[i, 0] + 2e-9 - self.room:
                 self.row(p.mu[i] * c_n - c[i, 1:] / max(size, 1e-300) @ c_t, 0.0, np.inf)
-            speed, sin, cos = np.linalg.norm(d[i, 1:]), np.sin(p.eta), np.cos(p.eta)
-            if p.eta and state in (CLOSED, SLIDE) and c[i, 0] + cos * d[i, 0] + sin * speed > 2e-9 - self.room:
+            speed, sin, cos = np.linalg.norm(d[i, 1:]), np.sin(p.limits.eta), np.cos(p.limits.eta)
+            if p.limits.eta and state in (CLOSED, SLIDE) and c[i, 0] + cos * d[i, 0] + sin * speed > 2e-9 - self.room:
                 u = -d[i, 1:] / max(speed, 1e-300)
                 self.row(-c_n - cos * self.D[3 * i] + sin * u @ self.D[3 * i + 1 : 3 * i + 3], 0.0, np.inf)
         out, self.rows[before:] = self.rows[before:], []
