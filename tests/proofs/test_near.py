@@ -194,3 +194,23 @@ def test_proofs_that_a_load_slips_give_way_by_as_much() -> None:
     assert growth == 0
     wider, _ = side.costs(equations, none, none, z, np.ones_like(z))
     assert wider == pytest.approx(EPS * 7.0 * (np.sqrt(3**2 + 1 + 1 + 2.5**2) + np.sqrt(1 + 4**2 + 5**2)), rel=1e-6)
+
+
+def test_a_load_that_the_direction_cancels_grants_nothing() -> None:
+    """Fingers without friction at 3e-10 of opposite press with 1 N: 3e-10 N along z are missing; no load is there."""
+    tilted = {"position": [0, -0.05, 0], "normal": [0, 1, 3e-10], "friction": 0.0}
+    contacts = [tilted, {"position": [0, 0.05, 0], "normal": [0, -1, 0], "friction": 0.0}]
+    joints = [
+        {"name": n, "type": "prismatic", "axis": [0, s, 0], "origin": [0, 0, 0], "moves": [i]}
+        for i, (n, s) in enumerate((("a", 1), ("b", -1)))
+    ]
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts, "joints": joints, "preload": {"a": 1.0, "b": 1.0}}
+    load = np.array([1e-3, 0, 0, 0, 0, 0])
+    asked = {"grasp": grasp, "goal": "largest", "wrench": load.tolist(), "direction": (-load).tolist()}
+    q = read_question(asked, "")
+    none = np.zeros(2)
+    x = State(np.zeros(6), np.ones(2), np.array([1.0, 0, 0, 1.0, 0, 0]), np.ones(2), np.zeros(0), none, none)
+    found = prove(Problem.of(q, q.grasp.command, q.wrench, q.direction, 1.0), x)
+    assert (found.exact, found.tolerant) == (False, False)
+    alone = read_question({"grasp": grasp, "goal": "check", "wrench": [0.0] * 6}, "")
+    assert prove(Problem.of(alone, alone.grasp.command, alone.wrench), x).tolerant  # 1e-9 of the commands, then

@@ -143,8 +143,7 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     claim, base, along, magnitude, command = query.held(saved, w)
     if not _close(w.command, command):
         return None, Replay("witness", claim, "it is a state with other commands")
-    least = (saved.number("lower") or 0.0) if saved.said["query"] == "max" else -np.inf
-    found = prove(Problem.of(q, command, base, along, magnitude), w.state, least=least)
+    found = prove(Problem.of(q, command, base, along, magnitude), w.state, least=query.least(saved))
     reason = "" if found.exact or found.tolerant else found.reason
     reason = reason or query.held_fault(saved, w, found)
     to = "" if found.exact else ", to 1e-9 of the load"
@@ -232,6 +231,10 @@ class Query:
             raise Refused("witness: it is a state under another disturbance")
         return "the disturbance is resisted", q.wrench, None, 0.0, q.grasp.command
 
+    def least(self, saved: SavedAnswer) -> float:
+        """The magnitude that its witness has to reach; -inf without one."""
+        return -np.inf
+
     def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
         """What else is wrong with a witness that is proved; "" if nothing."""
         return ""
@@ -267,8 +270,11 @@ class Maximum(Query):
         claim = f"{lower:.6g} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"
         return claim, base, (along if lower > 0 else None), magnitude, saved.question.grasp.command
 
+    def least(self, saved: SavedAnswer) -> float:
+        return saved.number("lower") or 0.0
+
     def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
-        if found.magnitude is None or found.magnitude[0] >= (saved.number("lower") or 0.0):
+        if found.magnitude is None or found.magnitude[0] >= self.least(saved):
             return ""
         return f"it is proved from a magnitude of {found.magnitude[0]:.15g} on"
 

@@ -77,7 +77,7 @@ def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -
         if free and not _reaches(done, least):
             fixed = _attempts(p, x, until)
             done = fixed if fixed.exact else done
-    if _reaches(done, least):
+    if _reaches(done, least) or not p.granted > 0:
         return done
     rough = near(p, x)
     if not rough.shown:

@@ -451,7 +451,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     """
     s, q, exact = systems, systems.equations, systems.equations.exact
     own = np.arange(s.rows.start[leaf], s.rows.start[leaf + 1])
-    own = own[s.used[own]]
+    own = own[s.y[own] > 0]  # those that touch no unknown but such as are 0 count by their right side
     ties = np.flatnonzero(s.v[leaf])
     y, v = s.y[own] / s.unit[own], s.v[leaf, ties] / q.unit[ties]
     if not (np.isfinite(y).all() and np.isfinite(v).all()):
@@ -481,9 +481,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
         return NONE
 
     w = [x * factor for x, (_, factor) in zip(w, rows, strict=True)]  # of rows as they are
-    idle = [k for k in range(s.rows.start[leaf], s.rows.start[leaf + 1]) if not s.used[k]]
     terms = [x * rational(b) for x, b in zip(w, [*s.rows.right[own], *s.side.h[ties]], strict=True)]
-    terms += [rational(s.rows.y[k]) * rational(s.rows.right[k]) for k in idle]
     size = sum((abs(x) for x in terms), ZERO)
     if size == 0:
         return NONE

@@ -127,6 +127,14 @@ class Problem:
         """[N] `load_scale`."""
         return load_scale(self.grasp, self.load)
 
+    @property
+    def granted(self) -> float:
+        """[N] of which a state may miss a share; 0 where base and direction cancel.
+
+        Proofs that no state exists add up the scales of both, which is less than the commands may be.
+        """
+        return 0.0 if self.wrench.any() and not self.load.any() else self.scale
+
 
 class Contact(IntEnum):
     """The mode of a contact."""
