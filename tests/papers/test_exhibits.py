@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
 
+from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.model.bernstein import evaluate
-from handfast.papers import mixed_integer_solvers, region_figures, stability_figures
+from handfast.papers import mixed_integer_solvers, region_figures, stability_figures, stability_tables
 from handfast.papers.exhibit import MakingOptions, TextTable
 from handfast.papers.exhibits import EXHIBITS, make
 from handfast.papers.friction_relaxation import Discretisation
 from handfast.papers.region_tables import PRINTED_TASKS
 from handfast.pictures.drawing import picture
+from handfast.stability.studies.maps import MapAnswer, force_map
 
 COARSE = MakingOptions(steps=4, count=1)
 SCENES = ["fig1", "fig4", "fig7", "fig9", "fig11", "fig13"]
@@ -121,3 +126,35 @@ def test_table1_has_both_papers_values_and_ours() -> None:
 @pytest.mark.parametrize("name", ["fig5", "fig6", "fig10", "table2"])
 def test_each_long_one_is_made(name: str) -> None:
     assert make(name, COARSE)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_what_is_interrupted_is_not_made(monkeypatch: pytest.MonkeyPatch, which: int) -> None:
+    """Ctrl-C ends an answer with what was reached: a figure of two maps is not made of one, whichever it comes in."""
+    asked = []
+
+    def interrupted(*args: Any, **options: Any) -> MapAnswer:
+        asked.append(args)
+        answer = force_map(*args, **options)
+        if len(asked) - 1 != which:
+            return answer
+        curve = replace(answer.passive, stops=(Stop.INTERRUPTED, *answer.passive.stops[1:]))
+        return replace(answer, passive=curve)
+
+    monkeypatch.setattr(stability_figures, "force_map", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        figure("fig6")
+    assert len(asked) == which + 1
+
+
+def test_a_cell_that_is_interrupted_ends_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = []
+
+    def cell(*args: Any) -> dict[str, Any]:
+        cells.append(args)
+        return {"status": "interrupted"}
+
+    monkeypatch.setattr(stability_tables, "resolution_cell", cell)
+    with pytest.raises(KeyboardInterrupt):
+        stability_tables.table1(replace(COARSE, solver="scip"))
+    assert len(cells) == 1

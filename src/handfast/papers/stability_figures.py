@@ -16,6 +16,7 @@ from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1, stability_tables
 from handfast.papers.algorithm1 import RefinementSettings
+from handfast.papers.exhibit import whole
 from handfast.papers.friction_relaxation import Discretisation, Edges
 from handfast.papers.mixed_integer_solvers import installed
 from handfast.pictures.camera import views
@@ -118,7 +119,7 @@ def fig4(options: MakingOptions) -> Figure:
     """1 N along +y without any preload, if friction need not oppose the motion: held by forces that create energy."""
     grasp, meshes = placed("fig1")
     bare = grasp.with_preload(None)
-    answer = check(bare, UNHELD, mdp=False, settings=Settings(time_limit=options.timeout))
+    answer = whole(check(bare, UNHELD, mdp=False, settings=Settings(time_limit=options.timeout)))
     return draw_grasp(bare, answer.witness, meshes, count=2)
 
 
@@ -127,7 +128,7 @@ def fig5(options: MakingOptions) -> Figure:
     grasp, meshes = placed("fig1")
     settings = RefinementSettings(options.solver or installed(), SECTORS, timeout=10 * options.timeout, as_printed=True)
     answer, steps = algorithm1.check(grasp, HELD, settings=settings)
-    figure = draw_grasp(grasp, answer.witness, meshes, count=3)
+    figure = draw_grasp(grasp, whole(answer).witness, meshes, count=3)
     width, height = figure.get_size_inches()
     above, total = 2.2, height + 2.2  # [inches]
     figure.set_size_inches(width, total)
@@ -143,7 +144,7 @@ def fig5(options: MakingOptions) -> Figure:
 def force_maps(name: str, etas: tuple[float, ...], options: MakingOptions) -> Figure:
     """Figs 6, 8, 10: forces in the xy plane, without (blue) and with the preload (maroon), a panel for each eta."""
     asked: dict[str, Any] = {"steps": options.steps or STEPS, "settings": Settings(time_limit=options.timeout)}
-    maps = [force_map(load_grasp(name), "xy", limits=GraspLimits(eta), **asked) for eta in etas]
+    maps = [whole(force_map(load_grasp(name), "xy", limits=GraspLimits(eta), **asked)) for eta in etas]
     if len(maps) == 1:
         return draw_map(maps[0])
     figure = Figure(figsize=(5.2 * len(maps), 5.2))
@@ -163,7 +164,8 @@ def fig12(options: MakingOptions) -> Figure:
     """The largest force along z and torque about x over the command of finger 3."""
     commands: Array = np.linspace(0, 0.1, options.steps or COMMANDS)
     settings = Settings(time_limit=options.timeout)
-    return draw_sweep(sweep(load_grasp("fig11"), "finger_3_prox", commands, [FORCE_Z, MOMENT_X], settings=settings))
+    answer = sweep(load_grasp("fig11"), "finger_3_prox", commands, [FORCE_Z, MOMENT_X], settings=settings)
+    return draw_sweep(whole(answer))
 
 
 def fig13(_: MakingOptions) -> Figure:

@@ -8,7 +8,6 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,8 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1
 from handfast.papers.algorithm1 import Refined, RefinementSettings, refine
-from handfast.papers.exhibit import TextTable
+from handfast.papers.exhibit import TextTable, whole
+from handfast.papers.mixed_integer import SolverStatus
 from handfast.papers.mixed_integer_solvers import installed
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp, to_dict
@@ -89,10 +89,10 @@ def table1(options: MakingOptions) -> TextTable:
     for q in LEVELS[: options.count or QUICK_LEVELS]:
         cells = [str(4 * 2**q)]
         for k, eta in enumerate(ETAS):
-            refined = resolution_cell(solver, q, False, eta, options.timeout)
+            refined = _whole_cell(resolution_cell(solver, q, False, eta, options.timeout))
             took = "–"
             if eta not in gave_up:  # as the paper does: twice the sectors are no faster
-                full = resolution_cell(solver, q, True, eta, options.timeout)
+                full = _whole_cell(resolution_cell(solver, q, True, eta, options.timeout))
                 took = _seconds(full)
                 gave_up |= set() if full["status"] == "finished" else {eta}
             value = refined.get("value")
@@ -102,10 +102,18 @@ def table1(options: MakingOptions) -> TextTable:
     for eta in ETAS:
         heads += [f"paper [N], η {eta:g}°", "here [N]", "full [s]", "refined [s]"]
     settings = Settings(time_limit=options.timeout)
-    exact = [maximum(load_grasp("fig9"), DOWN, limits=GraspLimits(np.radians(eta)), settings=settings) for eta in ETAS]
+    limits = [GraspLimits(np.radians(eta)) for eta in ETAS]
+    exact = [whole(maximum(load_grasp("fig9"), DOWN, limits=each, settings=settings)) for each in limits]
     brackets = "; ".join(f"η {eta:g}°: {a.lower:.5f} to {a.upper:.5f} N" for eta, a in zip(ETAS, exact, strict=True))
     note = f"Fig. 9 is rebuilt, so values differ from the paper's. Algorithm 1 on {solver}. Exact: {brackets}."
     return TextTable(tuple(heads), tuple(rows), (note,))
+
+
+def _whole_cell(cell: dict[str, Any]) -> dict[str, Any]:
+    """As `whole`: `KeyboardInterrupt` if Ctrl-C ended it."""
+    if cell["status"] == SolverStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    return cell
 
 
 def _seconds(cell: dict[str, Any]) -> str:
@@ -237,10 +245,8 @@ def table2(options: MakingOptions) -> TextTable:
         for task in ENGINE:
             mine = [q for q in questions if q.task == task]
             cells += [getattr(printed, task)[-1], _median(mine, lambda q: q.ask(settings), 1e3)]
-            if options.solver:
-                cells.append(
-                    _median(mine, partial(TaskQuestion.refined, solver=options.solver, timeout=options.timeout), 1)
-                )
+            if solver := options.solver:
+                cells.append(_median(mine, lambda q, by=solver: q.refined(by, options.timeout).answer, 1))  # type: ignore[misc]
         rows.append(tuple(cells))
     heads = ["grasp", "contacts"]
     for task in ENGINE:
@@ -249,13 +255,13 @@ def table2(options: MakingOptions) -> TextTable:
     return TextTable(tuple(heads), tuple(rows), (note,))
 
 
-def _median(questions: list[TaskQuestion], ask: Callable[[TaskQuestion], object], factor: float) -> str:
+def _median(questions: list[TaskQuestion], ask: Callable[[TaskQuestion], Answer], factor: float) -> str:
     """The median time, in units of 1 / factor seconds; a question that a licence refuses has none."""
     took = []
     for question in questions:
         clock = time.perf_counter()
         try:
-            ask(question)
+            whole(ask(question))
         except InputError:
             return "refused"
         took.append(time.perf_counter() - clock)
