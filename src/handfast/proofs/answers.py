@@ -274,7 +274,7 @@ class Maximum(Query):
         return saved.number("lower") or 0.0
 
     def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
-        if found.magnitude is None or found.magnitude[0] >= self.least(saved):
+        if found.magnitude is None or found.reaches(self.least(saved)):
             return ""
         return f"it is proved from a magnitude of {found.magnitude[0]:.15g} on"
 

@@ -62,6 +62,10 @@ class Proved:
     magnitude: tuple[float, float] | None = None
     modes: Modes | None = None
 
+    def reaches(self, least: float) -> bool:
+        """Is the magnitude that is proved so large? True without one."""
+        return self.magnitude is None or self.magnitude[0] >= least
+
 
 def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
@@ -74,10 +78,10 @@ def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -
     free = p.along is not None
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
         done = _attempts(p, x, until, free=free)
-        if free and not _reaches(done, least):
+        if free and not (done.exact and done.reaches(least)):
             fixed = _attempts(p, x, until)
             done = fixed if fixed.exact else done
-    if _reaches(done, least) or not p.granted > 0:
+    if (done.exact and done.reaches(least)) or not p.granted > 0:
         return done
     rough = near(p, x)
     if not rough.shown:
@@ -89,10 +93,6 @@ def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -
         return replace(done, reason=reason, residual=rough.missed)
     at = None if p.along is None else (p.magnitude, p.magnitude)
     return Proved(False, True, done.reason, rough.missed, rough.changed, 0.0, at, rough.modes)
-
-
-def _reaches(done: Proved, least: float) -> bool:
-    return done.exact and (done.magnitude is None or done.magnitude[0] >= least)
 
 
 def _nearer(p: Problem, x: State, modes: Modes) -> Near:

@@ -122,7 +122,7 @@ class MaxAnswer(Answer):
         return super()._proved(w, until, self.lower if least is None else least)
 
     def _reaches(self, proved: Proved) -> bool:
-        return proved.magnitude is None or proved.magnitude[0] >= self.lower
+        return proved.reaches(self.lower)
 
     @property
     def _along(self) -> Array | None:
