@@ -59,8 +59,6 @@ class Fault:
 
 
 FAULTS = (
-    Fault("stability", "refute.py", "y <= 0.0 or kind in (BOX_UP, BOX_DOWN)", "y <= 0.0", "rows of the box prove"),
-    Fault("stability", "refute.py", "slip += ROUNDING * abs(y * b)", "slip -= abs(y * b)", "what slips is gained"),
     Fault("stability", "split.py", "child[1, 0] = OPEN", "child[1, 0] = CLOSED", "undecided contacts never open"),
     Fault(
         "stability", "split.py", "child[s, 1] + TURN // 2", "child[s, 1] + TURN // 4", "closed contacts lose half turns"

@@ -156,13 +156,6 @@ class Refinement(NamedTuple):
     first: Reals  # (n,) the solution in the modes that the start shows
 
 
-class ClosedLeaves(NamedTuple):
-    """Closed nodes whose rays are tried again."""
-
-    nodes: Wholes  # (k,)
-    closed: Flags  # (k,) do their rays hold?
-
-
 class QuestionRows(NamedTuple):
     """Questions about one grasp that differ in their loads, and what was found."""
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from handfast.core.machine_code import EntryPoint, Library
 from handfast.proofs import kinds
 from handfast.stability.search.arrays import (
-    ClosedLeaves,
     Kept,
     KernelQuestion,
     NodeAtHand,
@@ -32,7 +31,6 @@ LIBRARY = Library(
             f"{_KERNEL}.batch_loop",
             (KernelQuestion, WorkerState, Pool, *_WORKSPACE, QuestionRows, float, float, float, int),
         ),
-        "refuted": EntryPoint(f"{_KERNEL}.refute", (KernelQuestion, WorkerState, Pool, ClosedLeaves, WorkingSet)),
     },
     sources=(
         HERE / "machine.py",

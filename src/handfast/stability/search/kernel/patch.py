@@ -3,7 +3,7 @@
 Direction (t1, t2, twist) of a soft finger's friction is a point of a sphere. Patches 8 to 15 are its octants; patch
 k is halved into 2k and 2k + 1 by the plane through its corner that was made last and the middle of the side across, so
 that its shape stays the same. A number says how its patch was made; no motion lies between two halves, whose planes
-are the same numbers. `certify/patches.py` makes them on its own.
+are the same numbers. `proofs/cases.py` makes them on its own.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Where a contact can be over a box of coordinates, compiled: Taylor polynomials of degree one with remainders.
 
 Remainders bound the second derivatives over the whole box: for chains of joints by the distances to the axes,
-for regions by constants of theirs (`search.derivative_bounds`). Middles are plain
+for regions by constants of theirs (`prover.derivative_bounds`). Middles are plain
 floating point. A chain of s joints and a patch of degree (M, N) make them within `ROUNDING` of the exact
 values: at most 30 (s + M + N) roundings of 1.2e-16, on numbers of at most a few units, is below 1e-13.
 """
