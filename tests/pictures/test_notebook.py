@@ -11,7 +11,7 @@ import pytest
 
 import handfast
 from handfast import Body, InputError, Loads, check, force_map, hold, load_body, load_grasp, load_hand, load_task, plan
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.model.shape import Shape
 from handfast.pictures import notebook
 
@@ -57,7 +57,7 @@ def test_a_notebook_shows_words_and_a_picture(name: str) -> None:
 
 def test_every_public_class_that_is_shown_has_words() -> None:
     shown = [getattr(handfast, name) for name in handfast.__all__]
-    shown = [kind for kind in shown if isinstance(kind, type) and issubclass(kind, Shown)]
+    shown = [kind for kind in shown if isinstance(kind, type) and issubclass(kind, Presented)]
     assert len(shown) >= 8
     default = notebook.lines.dispatch(object)
     assert [kind.__name__ for kind in shown if notebook.lines.dispatch(kind) is default] == []

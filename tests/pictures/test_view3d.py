@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp
 from handfast.pictures import Entry, view3d, write_report
-from handfast.pictures.scene import Mesh, Scene, ShownGrasp, ShownLoad, applied, arrows
+from handfast.pictures.scene import DrawnScene, Mesh, ShownGrasp, ShownLoad, applied, arrows
 from handfast.pictures.view3d import packed, scene_json
 from handfast.stability.answers import check
 from handfast.stability.answers.check_query import CheckAnswer
@@ -147,26 +147,26 @@ def test_nothing_is_fetched(entries: list[Entry], tmp_path: Path) -> None:
 
 
 def test_without_solids_the_fingers_are_rods() -> None:
-    def only(shown: Scene) -> dict[str, Any]:
+    def only(shown: DrawnScene) -> dict[str, Any]:
         [seen] = scene_json(shown)["grasps"]
         return seen
 
     grasp = bell()
-    data = only(Scene.of(grasp))
-    assert scene_json(Scene.of(grasp))["solids"] == []
+    data = only(DrawnScene.of(grasp))
+    assert scene_json(DrawnScene.of(grasp))["solids"] == []
     assert data["loads"] == []
     assert len(data["fingers"]) == grasp.m
     for line, contact in zip(data["fingers"], grasp.contacts, strict=True):
         np.testing.assert_allclose(line[-1], contact.position, atol=1e-7)
-    assert only(Scene.of(nest()))["fingers"][0] == [pytest.approx(nest().contacts[0].position.tolist(), abs=1e-7)]
-    assert only(Scene.of(grasp, meshes=[lattice(2, "hand")]))["fingers"] == []
+    assert only(DrawnScene.of(nest()))["fingers"][0] == [pytest.approx(nest().contacts[0].position.tolist(), abs=1e-7)]
+    assert only(DrawnScene.of(grasp, meshes=[lattice(2, "hand")]))["fingers"] == []
 
 
 def test_sides_are_rotations() -> None:
     """Rows of every side's matrix: right, up, towards the viewer; right-handed."""
     pulled = ShownLoad("down", "", np.array([1.0, -5.0, 0, 0, 0, 0]), None)
     for loads, second in (((), "at an angle"), ((pulled,), "first load pulls down")):
-        sides = view3d.sides(Scene.of(bell(), loads), 0)
+        sides = view3d.sides(DrawnScene.of(bell(), loads), 0)
         assert [v.title for v in sides[:2]] == ["contacts in view", second]
         assert len({v.title for v in sides}) == len(sides) == 5
         for side in sides:
@@ -184,10 +184,10 @@ def test_the_first_side_looks_past_what_hides_the_contacts() -> None:
         for away in (1, -1):  # a wall beside the grasp, on both of its sides in turn
             out = away * turned @ [0, 0, 2 * grasp.size]
             hand = Mesh(wide.vertices @ turned.T + out, wide.faces, "hand")
-            assert view3d.sides(Scene.of(grasp, meshes=[hand]), 0)[0].matrix[2] @ out < 0
+            assert view3d.sides(DrawnScene.of(grasp, meshes=[hand]), 0)[0].matrix[2] @ out < 0
 
 
-def two_grasps() -> Scene:
+def two_grasps() -> DrawnScene:
     """A link that stands elsewhere in the second grasp, whose load is another."""
     there = np.array([np.eye(4), np.eye(4)])
     there[1, :3, 3] = 0.3
@@ -197,7 +197,7 @@ def two_grasps() -> Scene:
         ShownGrasp(bell(), x, f"{k}", f"the {k}th", T[None]) for k, (x, T) in enumerate(zip(loads, there, strict=True))
     ]
     sheet = lattice(3, "hand")
-    return Scene(tuple(shown), (lattice(4, "object"), Mesh(sheet.vertices, sheet.faces, "hand", 0)))
+    return DrawnScene(tuple(shown), (lattice(4, "object"), Mesh(sheet.vertices, sheet.faces, "hand", 0)))
 
 
 def test_all_grasps_are_in_one_scene() -> None:
@@ -243,7 +243,7 @@ def test_a_single_force_is_drawn_on_its_line_of_action(seed: int) -> None:
 
 def test_an_answer_without_anything_to_show_is_listed() -> None:
     nothing = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, None, None)
-    [seen] = scene_json(Scene.of(bell(), [ShownLoad("?", f"{nothing.verdict}", None, None)]))["grasps"]
+    [seen] = scene_json(DrawnScene.of(bell(), [ShownLoad("?", f"{nothing.verdict}", None, None)]))["grasps"]
     assert seen["loads"] == [{"title": "?", "said": "undecided", "wrench": None, "arrows": []}]
 
 
@@ -251,7 +251,7 @@ def test_the_view_of_a_hand_and_a_fine_object_is_small() -> None:
     """20 links of 500 triangles, an object of 20 000: a page of 3 MB has two thirds of it for the still pictures."""
     meshes = [lattice(100, "object"), *(lattice(16, "hand", 0.01 * k) for k in range(20))]
     assert sum(len(m.faces) for m in meshes) > 30_000
-    assert len(view3d.view(Scene.of(bell(), meshes=meshes))) < 1e6
+    assert len(view3d.view(DrawnScene.of(bell(), meshes=meshes))) < 1e6
 
 
 def test_the_fallback_needs_no_script(entries: list[Entry], tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked, unknown_name
+from handfast.core.presented import Presented
 from handfast.core.schema import written
-from handfast.core.shown import Shown
 from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure
 from handfast.measures.chosen_forces import check_limits
 from handfast.measures.conic_program import NotMeasured
@@ -41,7 +41,7 @@ class MeasuredValue:
 
 
 @dataclass(frozen=True, eq=False)
-class Measures(Shown):
+class Measures(Presented):
     """The measures of a grasp, and what they were made with.
 
     Attributes:

@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.model.mesh_pieces import checked_mesh, checked_scale, joined, pieces_of
 from handfast.model.shape import Faces, Mesh, Shape
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Body(Shown):
+class Body(Presented):
     """An object made of convex pieces. Frame: the object's own (the mesh file's). SI units.
 
     Attributes:

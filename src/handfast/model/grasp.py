@@ -12,8 +12,8 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask, frozen
 from handfast.core.errors import InputError
+from handfast.core.presented import Presented
 from handfast.core.schema import LEFT_OUT, InFiles, Vector3
-from handfast.core.shown import Shown
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.mechanism import Mechanism
 
@@ -139,7 +139,7 @@ class GraspJoint(InFiles):
 
 
 @dataclass(frozen=True, eq=False)
-class Grasp(Shown):
+class Grasp(Presented):
     """Contacts of a hand on an object, the joints behind them and what their actuators command.
 
     Everything is in the object frame and SI units. Immutable: `with_preload` and `with_friction`

@@ -76,8 +76,8 @@ def write_report(
     """
     from handfast.core.files import write_text
     from handfast.pictures.page import render, shown_loads
-    from handfast.pictures.scene import Scene
+    from handfast.pictures.scene import DrawnScene
 
-    scene = Scene.of(grasp, shown_loads(entries), meshes)
+    scene = DrawnScene.of(grasp, shown_loads(entries), meshes)
     text = render(scene, entries, settings=settings, notes=notes, facts=facts, gallery=gallery)
     write_text(path, text, force=force)

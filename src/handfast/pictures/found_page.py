@@ -16,7 +16,7 @@ from handfast.model.grasp import Contact
 from handfast.pictures import Entry, words, write_report
 from handfast.pictures.grasp_picture import draw_scene
 from handfast.pictures.page import render, shown_loads
-from handfast.pictures.scene import Scene, ShownGrasp, link_meshes, link_poses, scene_meshes
+from handfast.pictures.scene import DrawnScene, ShownGrasp, link_meshes, link_poses, scene_meshes
 from handfast.pictures.words import laws_text, num
 from handfast.planning.results.grasps import Grasps
 from handfast.readers.load_body import load_body
@@ -60,7 +60,7 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
         ("best first", words.BEST_FIRST),
     ]
     note = "Each grasp holds every load, in an equilibrium that anyone can check. The first in full:"
-    scene = Scene(tuple(shown), tuple(link_meshes(planned.hand, planned.body)))
+    scene = DrawnScene(tuple(shown), tuple(link_meshes(planned.hand, planned.body)))
     _write(path, scene, asked[0] if asked else [], facts, note, force)
 
 
@@ -78,7 +78,7 @@ def report_proposals(path: str | Path, proposals: Proposals, body: Body, *, forc
     facts = [("kind", proposals.kind), ("candidates", f"{proposals.tried} tried, {len(found)} certified and kept")]
     note = "Regions chosen by a heuristic; each configuration is proved to exist. Whether it holds was not asked."
     hand = proposals.proposals[0].task.hand if found else None
-    _write(path, Scene(tuple(found), tuple(link_meshes(hand, body)) if hand else ()), [], facts, note, force)
+    _write(path, DrawnScene(tuple(found), tuple(link_meshes(hand, body)) if hand else ()), [], facts, note, force)
 
 
 def report_synthesis(path: str | Path, answer: Synthesis, *, force: bool = False) -> None:
@@ -97,7 +97,7 @@ def report_synthesis(path: str | Path, answer: Synthesis, *, force: bool = False
     )
     facts = [("verdict", answer.verdict.upper()), ("configurations", str(len(found)))]
     note = "Each configuration is proved to exist. Whether it collides or holds was not asked."
-    _write(path, Scene(found, tuple(link_meshes(task.hand, body))), [], facts, note, force)
+    _write(path, DrawnScene(found, tuple(link_meshes(task.hand, body))), [], facts, note, force)
 
 
 def _configuration(solution: Solution, body: Body | None, name: str, said: str) -> ShownGrasp:
@@ -114,7 +114,7 @@ def _configuration(solution: Solution, body: Body | None, name: str, said: str) 
 
 def _write(
     path: str | Path,
-    scene: Scene,
+    scene: DrawnScene,
     entries: Sequence[Entry],
     facts: Sequence[tuple[str, str]],
     note: str,

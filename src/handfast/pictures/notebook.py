@@ -1,6 +1,6 @@
 """What each thing says of itself in a few lines, and the picture that goes with them: for prints and notebooks.
 
-`core.shown.Shown` is the base of what is shown so.
+`core.presented.Presented` is the base of what is shown so.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
-    from handfast.pictures.scene import Mesh, Scene
+    from handfast.pictures.scene import DrawnScene, Mesh
     from handfast.stability.problem.witness import Witness
 
 
@@ -35,7 +35,7 @@ MANY = 3  # checks; from one more on, only the first one that holds is drawn in 
 
 
 def render(
-    scene: Scene,
+    scene: DrawnScene,
     entries: Sequence[Entry],
     *,
     settings: Settings | None = None,

@@ -77,14 +77,14 @@ class ShownGrasp:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class DrawnScene:
     """Grasps of one hand on one object; the meshes of both, as far as they are known."""
 
     grasps: tuple[ShownGrasp, ...]
     meshes: tuple[Mesh, ...] = ()
 
     @classmethod
-    def of(cls, grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] = ()) -> Scene:
+    def of(cls, grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] = ()) -> DrawnScene:
         """A single grasp, meshes in the object frame."""
         return cls((ShownGrasp(grasp, tuple(loads), grasp.name),), tuple(meshes))
 

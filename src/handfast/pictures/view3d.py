@@ -16,7 +16,7 @@ from matplotlib.colors import to_hex
 from handfast.pictures import page_parts
 from handfast.pictures.camera import ALONG, TILT, View, around, clearest, upright, views
 from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET
-from handfast.pictures.scene import Mesh, Scene, ShownLoad, arrows, coarse, finger_lines, placed_joints, triangles
+from handfast.pictures.scene import DrawnScene, Mesh, ShownLoad, arrows, coarse, finger_lines, placed_joints, triangles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,14 +54,14 @@ SWITCHES = {  # name: (label, on at first with forces, without)
 }
 
 
-def view(shown: Scene) -> str:
+def view(shown: DrawnScene) -> str:
     """The figure as HTML, with its switches, its data and its program."""
     instead = "Here the grasp can be turned and looked at from all sides"
     caption = f"<figcaption>{_caption(any(g.loads for g in shown.grasps))}</figcaption>"
     return page_parts.view3d(scene_json(shown), PROGRAM, (_controls(shown), "", instead, caption))
 
 
-def scene_json(shown: Scene) -> dict[str, Any]:
+def scene_json(shown: DrawnScene) -> dict[str, Any]:
     """What the figure shows, as JSON: SI units, object frame.
 
     Keys: `solids` (`kind`, `frame`: the link's place in `poses`, or null, `solid`: see `packed`), `grasps`, `size`,
@@ -85,7 +85,7 @@ def scene_json(shown: Scene) -> dict[str, Any]:
     }
 
 
-def _grasp(shown: Scene, k: int, *, with_fingers: bool) -> dict[str, Any]:
+def _grasp(shown: DrawnScene, k: int, *, with_fingers: bool) -> dict[str, Any]:
     g = shown.grasps[k]
     grasp = g.grasp
     points = [m.vertices for m in shown.meshes_of(k)] or [np.array([j.origin for j in grasp.joints])]
@@ -107,7 +107,7 @@ def _grasp(shown: Scene, k: int, *, with_fingers: bool) -> dict[str, Any]:
     }
 
 
-def sides(shown: Scene, k: int) -> list[View]:
+def sides(shown: DrawnScene, k: int) -> list[View]:
     """Where a grasp is looked at from: first where most of its contacts can be seen, the first load pulling down."""
     grasp = shown.grasps[k].grasp
     loads = (x.wrench[:3] for x in shown.grasps[k].loads if x.wrench is not None)
@@ -145,7 +145,7 @@ def _load(load: ShownLoad, grasp: Grasp) -> dict[str, Any]:
     }
 
 
-def _controls(shown: Scene) -> str:
+def _controls(shown: DrawnScene) -> str:
     loads = shown.grasps[0].loads
     forces = any(load.witness for load in loads)
     first = next((i for i, load in enumerate(loads) if load.witness), 0)

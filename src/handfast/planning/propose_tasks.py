@@ -18,7 +18,7 @@ import numpy as np
 from handfast.core.answer import Reach
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.geometry.guess_regions import regions_of
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
@@ -117,7 +117,7 @@ class Proposal:
 
 
 @dataclass(frozen=True, eq=False)
-class Proposals(Shown):
+class Proposals(Presented):
     """Ranked proposals: those that cut into nothing first, then by score.
 
     Attributes:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array
 from handfast.core.files import write_text
+from handfast.core.presented import Presented
 from handfast.core.schema import written
-from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
 
 # Grasp sizes per second, measured by benchmarks/simulation_floor.py on a slope and a pinch (docs/simulation.md): what
@@ -71,7 +71,7 @@ def judge(
 
 
 @dataclass(frozen=True, eq=False)
-class SimulationResult(Shown):
+class SimulationResult(Presented):
     """A simulated question. Everything is in SI units and the object's frame as it stood at the beginning.
 
     Attributes:

@@ -14,7 +14,7 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.core.transforms import matrix_quaternion
 from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
@@ -78,7 +78,7 @@ class PathPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Settled(Shown):
+class Settled(Presented):
     """What became of a grasp under a load.
 
     Attributes:

@@ -12,7 +12,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.curvature import curvature_at, relative_curvature
 from handfast.model.configuration import Configuration
@@ -27,7 +27,7 @@ from handfast.synthesis.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Shown):
+class Solution(Presented):
     """A configuration of the hand and the object, and the proof that an exact one is next to it.
 
     Attributes:

@@ -14,8 +14,8 @@ import numpy as np
 from handfast.core.answer import Reach, Stop, header
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
+from handfast.core.presented import Presented
 from handfast.core.schema import InFiles, written
-from handfast.core.shown import Shown
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 from handfast.proofs.synthesis import replay
@@ -61,7 +61,7 @@ def replayed(data: Any) -> Replay:
 
 
 @dataclass(frozen=True, eq=False)
-class Synthesis(Shown):
+class Synthesis(Presented):
     """Can the hand take the hold?
 
     Attributes:

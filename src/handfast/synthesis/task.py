@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, frozen
 from handfast.core.errors import InputError, unknown_name
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Coupling, Hand, coupling_rows
 from handfast.model.mechanism import Mechanism
@@ -76,7 +76,7 @@ class PoseBounds:
 
 
 @dataclass(frozen=True, eq=False)
-class Task(Shown):
+class Task(Presented):
     """The configuration problem: bring each hand region onto its object region.
 
     Attributes:

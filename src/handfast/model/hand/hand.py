@@ -12,7 +12,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, unknown_name
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.core.transforms import FARTHEST, rigid
 from handfast.model.hand.joint_law import LAWS, NO_LAW, JointLaw, PassiveTendon, laws_named
 from handfast.model.hand.loop import Loop, LoopClosure
@@ -124,7 +124,7 @@ class Coupling:
 
 
 @dataclass(frozen=True, eq=False)
-class Hand(Shown):
+class Hand(Presented):
     """A robot hand: a tree of links. Frame: the base link's, unless a method says otherwise. SI, radians.
 
     Attributes:

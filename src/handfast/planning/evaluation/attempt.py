@@ -11,7 +11,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.geometry.contacts import THRESHOLD, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
@@ -53,7 +53,7 @@ Dropped = tuple[RejectionReason, Overlap | None]  # why an attempt was, and what
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedGrasp(Shown):
+class PlannedGrasp(Presented):
     """A hand around an object that holds its loads.
 
     Attributes:

@@ -12,7 +12,7 @@ import numpy as np
 
 from handfast.core.answer import Reach, Stop, header
 from handfast.core.arrays import Array
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.geometry.collision import Clearances
 from handfast.geometry.dexterity import Dexterity
 from handfast.model.body import Body
@@ -37,7 +37,7 @@ from handfast.synthesis.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class ProvedGrasp(Shown):
+class ProvedGrasp(Presented):
     """A configuration that exists, is free of collision, and holds every load.
 
     Attributes:
@@ -127,7 +127,7 @@ class ProvedGrasp(Shown):
 
 
 @dataclass(frozen=True, eq=False)
-class Grasps(Shown):
+class Grasps(Presented):
     """From regions to grasps.
 
     Attributes:

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 
 from handfast.core.answer import Stop, Verdict, header
 from handfast.core.files import Strict
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
@@ -59,7 +59,7 @@ class PlanFile(Strict):
 
 
 @dataclass(frozen=True, eq=False)
-class Plan(Shown):
+class Plan(Presented):
     """The grasps that were found, and what became of the other attempts.
 
     Attributes:

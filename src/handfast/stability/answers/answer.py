@@ -16,7 +16,7 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.proofs import answers
 from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import Proved, prove
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer(Shown, ABC):
+class Answer(Presented, ABC):
     """What every query answers.
 
     Attributes:

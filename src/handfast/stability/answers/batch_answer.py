@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.stability.answers import MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
 
@@ -26,7 +26,7 @@ INTERRUPTED = "was not asked: Ctrl-C came first"
 
 
 @dataclass(frozen=True, eq=False)
-class BatchAnswer(Shown):
+class BatchAnswer(Presented):
     """What `check_many`, `max_many` and `torques_many` answer: arrays of one shape.
 
     The shape is (n,) for n loads on one grasp, (g, n) for g grasps.

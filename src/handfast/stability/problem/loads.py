@@ -13,7 +13,7 @@ from pydantic import Field
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, kinds_checked
 from handfast.core.files import Six, Strict, read_json, validate
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
@@ -43,7 +43,7 @@ class Weight:
 
 
 @dataclass(frozen=True, eq=False)
-class Loads(Shown):
+class Loads(Presented):
     """Wrenches on the object, one at a time. Object frame, at its origin.
 
     Attributes:

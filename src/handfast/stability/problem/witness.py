@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.model.grasp import Grasp
 from handfast.stability.problem import judge, model
 from handfast.stability.problem.judge import Residuals
@@ -20,7 +20,7 @@ KEYS = "residual", "contacts", "joint_torques", "actuator_forces", "object_motio
 
 
 @dataclass(frozen=True, eq=False)
-class Witness(Shown):
+class Witness(Presented):
     """A state with the grasp, disturbance and commands that it answers for.
 
     Attributes:

@@ -22,7 +22,7 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.core.errors import InputError, kinds_checked
 from handfast.core.files import write_text
 from handfast.core.limits import SearchLimits
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.model.grasp import Grasp
 from handfast.proofs import holds
 from handfast.proofs.replay import Replay
@@ -46,7 +46,7 @@ FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that
 
 
 @dataclass(frozen=True, eq=False)
-class HoldAnswer(Shown):
+class HoldAnswer(Presented):
     """Is there one preload under which every load is resisted?
 
     Attributes:

@@ -12,7 +12,7 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array, Mask, frozen
 from handfast.core.errors import InputError, kinds_checked, unknown_name
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.model.grasp import Grasp
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
@@ -99,7 +99,7 @@ def of_all(verdicts: Sequence[Verdict]) -> Verdict:
     return next((v for v in (Verdict.SLIPS, Verdict.UNDECIDED) if v in verdicts), Verdict.HOLDS)
 
 
-class _Curves(Shown):
+class _Curves(Presented):
     """The verdict and stop of an answer that consists of curves."""
 
     grasp: Grasp

@@ -17,7 +17,7 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array, Mask
 from handfast.core.errors import InputError, kinds_checked
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability.answers import MaxAnswer, maximum
@@ -113,7 +113,7 @@ def _in_cone(rng: np.random.Generator, n: int, angle: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledMaximum(Shown):
+class SampledMaximum(Presented):
     """The largest disturbance along a direction, of a grasp and of samples about it; magnitudes times the direction.
 
     Attributes:

@@ -12,7 +12,7 @@ from typing import Any
 PRESENTER = "handfast.pictures.notebook"  # has `lines` and `html`
 
 
-class Shown:
+class Presented:
     """A base of dataclasses: `repr` is a few lines instead of every array, notebooks show words and a picture.
 
     A class with a `__repr__` of its own keeps it.
@@ -21,7 +21,7 @@ class Shown:
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         if "__repr__" not in vars(cls):
-            cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]  # here, for `dataclass` to write none
+            cls.__repr__ = Presented.__repr__  # type: ignore[method-assign]  # here, for `dataclass` to write none
 
     def __repr__(self) -> str:
         return "\n".join(importlib.import_module(PRESENTER).lines(self))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from handfast.core.shown import Shown
+from handfast.core.presented import Presented
 
 
 @dataclass(frozen=True)
-class Long(Shown):
+class Long(Presented):
     """A dataclass whose own `repr` would print all of it."""
 
     numbers: tuple[int, ...]
@@ -19,7 +19,7 @@ class Longer(Long):
     more: int = 0
 
 
-class Own(Shown):
+class Own(Presented):
     def __repr__(self) -> str:
         return "own"
 
