@@ -24,7 +24,6 @@ import json
 import math
 import resource
 from collections import Counter
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +31,8 @@ import numpy as np
 
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
-from handfast.core.parallel import default_jobs
+from handfast.core.parallel import Died, WorkerPool, default_jobs
 from handfast.core.transforms import matrix_quaternion
-from handfast.core.workers import Died, ProcessWorkers
 from handfast.datasets.labels.label_columns import WRENCHES, wrench_column
 from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.label_files import load_labels, write_durably
@@ -107,8 +105,9 @@ def postures_of(made: Runner, thing: str, number: int, draws: int, most: int) ->
 _made: dict[tuple[str, str], Runner] = {}
 
 
-def block(hand: str, thing: str, draws: int, most: int, number: int) -> list[dict[str, Any]]:
-    """The grasps of one block of attempts."""
+def block(asked: tuple[str, str, int, int], number: int) -> list[dict[str, Any]]:
+    """The grasps of one block of attempts; asked: hand, object, draws, most contacts."""
+    hand, thing, draws, most = asked
     if (hand, thing) not in _made:
         _made[hand, thing] = runner(hand, thing)
     attempts = range(number * BLOCK, (number + 1) * BLOCK)
@@ -128,9 +127,9 @@ def postures(hand: str, thing: str, target: Path, start: int, args: argparse.Nam
     while (missing := args.each - sum(len(have[k]) for k in range(start, end))) > 0:
         rows_a_block = max(sum(map(len, have.values())) / len(have), 1.0) if have else args.draws * BLOCK / 2
         more = range(end, end + max(args.jobs, math.ceil(missing / rows_a_block)))
-        with ProcessWorkers(args.jobs) as workers:
+        with WorkerPool((hand, thing, args.draws, args.most_contacts), args.jobs) as workers:
             ahead = [k for k in more if k not in have]
-            for k, rows in workers.run(partial(block, hand, thing, args.draws, args.most_contacts), ahead):
+            for k, rows in workers.run(block, ahead):
                 if isinstance(rows, Died):
                     raise InputError(rows.reason, source=f"{hand} {thing} {k}")
                 have[k] = json.loads(json.dumps(rows, default=np.ndarray.tolist))

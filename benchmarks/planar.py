@@ -31,9 +31,9 @@ import numpy as np
 from benchmarks.machine import describe
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.core.rational import rational, rounded
 from handfast.papers.planar_grasp import PlanarContact, PlanarGrasp
 from handfast.papers.planar_oracle import PlanarRanges, planar_check, planar_least_motion, planar_ranges
+from handfast.proofs.fields import rational, rounded
 from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.settings import Settings

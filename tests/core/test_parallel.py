@@ -1,4 +1,4 @@
-"""The ordered parallel map: the same results in the same order whoever does the work."""
+"""Items of work: the same results in the same order whoever does it; one that ends its process is told."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from handfast.core import parallel
-from handfast.core.parallel import WorkerPool
+from handfast.core.errors import InputError
+from handfast.core.parallel import DaskWorkers, Died, WorkerPool
 
 needs_fork = pytest.mark.skipif(parallel.START != "fork", reason="there are no workers")
 WAYS = [pytest.param(1, False, id="alone"), pytest.param(3, True, id="threads")]
@@ -140,3 +142,94 @@ def test_a_pool_ends_while_its_processes_send_results() -> None:
     for _ in range(30):
         with WorkerPool(None, 3) as pool:
             assert len(next(pool.map(bulky, range(1000), ahead=40))) == 100_000
+
+
+# --- items in any order, and processes that end by themselves ---------------------------------------
+
+
+def product(factor: int, item: int) -> int:
+    return factor * item
+
+
+def ending(_: object, item: int) -> tuple[int, int]:
+    """The third item kills its process, the fifth ends it."""
+    if item == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if item == 4:
+        os._exit(7)
+    return item, os.getpid()
+
+
+def odd(_: object, item: int) -> int:
+    raise InputError(f"item {item} is odd")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_item_is_done_once(jobs: int) -> None:
+    with WorkerPool(7, jobs) as workers:
+        found = dict(workers.run(product, range(20)))
+        assert found == {k: 7 * k for k in range(20)}
+        assert list(workers.run(product, ())) == []
+        assert workers.jobs == (jobs if parallel.START == "fork" else 1)
+
+
+@needs_fork
+def test_an_item_that_ends_its_process_is_named_and_the_others_are_done() -> None:
+    with WorkerPool(1, 2) as workers:
+        found = dict(workers.run(ending, range(8)))
+    assert found[2] == Died("its process was ended by SIGKILL")
+    assert found[4] == Died("its process ended with status 7")
+    assert [found[k][0] for k in (0, 1, 3, 5, 6, 7)] == [0, 1, 3, 5, 6, 7]  # type: ignore[index]
+    assert os.getpid() not in {found[k][1] for k in (0, 1, 3, 5, 6, 7)}  # type: ignore[index]
+
+
+def test_what_a_task_raises_ends_the_run() -> None:
+    with WorkerPool(1, 2) as workers, pytest.raises(InputError, match="item 0 is odd"):
+        list(workers.run(odd, [0]))
+
+
+@needs_fork
+def test_items_of_a_run_are_drawn_as_there_is_room() -> None:
+    drawn: list[int] = []
+
+    def items() -> Iterator[int]:
+        for k in range(10**9):
+            drawn.append(k)
+            yield k
+
+    with WorkerPool(1, 2) as workers:
+        run = workers.run(product, items())
+        assert {next(run)[0] for _ in range(3)} <= set(range(6))
+    assert len(drawn) <= 6
+
+
+def test_dask_does_the_same() -> None:
+    distributed = pytest.importorskip("distributed")
+    quiet = {"dashboard_address": None, "silence_logs": 50}
+    with (
+        distributed.LocalCluster(1, threads_per_worker=1, processes=False, **quiet) as cluster,
+        DaskWorkers(3, cluster.scheduler_address) as workers,
+    ):
+        assert workers.count == 1
+        assert dict(workers.run(product, range(5))) == {k: 3 * k for k in range(5)}
+        with pytest.raises(InputError, match="item 0 is odd"):
+            list(workers.run(odd, [0]))
+
+
+def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("handfast.core.parallel.PATIENCE", 0.5)
+    with pytest.raises(InputError, match=r"tcp://127.0.0.1:1: no Dask scheduler answers \("):
+        DaskWorkers(None, "tcp://127.0.0.1:1")
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"), [(None, "no such file"), ("{", "is not valid JSON"), ("{}", "address: is missing")]
+)
+def test_a_scheduler_file_that_says_nothing_is_one_line(tmp_path: Path, text: str | None, fault: str) -> None:
+    pytest.importorskip("distributed")
+    file = tmp_path / "dask.json"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(InputError, match=fault):
+        DaskWorkers(None, str(file))

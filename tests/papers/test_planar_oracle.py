@@ -11,13 +11,13 @@ from flint import fmpq
 from scipy.optimize import linprog
 
 from handfast import InputError, Verdict, check, load_grasp
-from handfast.core.rational import rational, rounded
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.papers.arrangement import faces
 from handfast.papers.planar_grasp import PlanarContact, PlanarGrasp
 from handfast.papers.planar_oracle import PlanarState, planar_check, planar_least_motion, planar_ranges
 from handfast.papers.rational_simplex import RationalProgram
+from handfast.proofs.fields import rational, rounded
 
 UP, DOWN, RIGHT, LEFT = (0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)
 

@@ -41,7 +41,7 @@ from handfast.cli.torques import Torques
 from handfast.cli.verify import Verify
 from handfast.cli.view import ViewGrasps
 from handfast.core.errors import InputError, unknown_name
-from handfast.core.interrupts import patient_interrupt
+from handfast.core.libraries import patient_interrupt
 
 COMMANDS: dict[str, type[Command]] = {
     "check": Check,

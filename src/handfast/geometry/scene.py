@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.core.quiet import quiet
+from handfast.core.libraries import quiet
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix, rigid, transform
 from handfast.model.body import Body
 from handfast.model.grasp import UNIT_TOLERANCE

@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.interrupts import deferred_interrupt
+from handfast.core.libraries import deferred_interrupt
 from handfast.core.limited import limited
 from handfast.core.parallel import default_jobs
 from handfast.core.transforms import rigid

@@ -17,7 +17,7 @@ from scipy import sparse
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.quiet import silent
+from handfast.core.libraries import silent
 from handfast.papers.polytopes import UNIT, LinearRows
 
 TINY = 1e-290  # more than underflow can lose

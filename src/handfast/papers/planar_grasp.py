@@ -10,8 +10,8 @@ from flint import fmpq
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.core.rational import rational
 from handfast.model.grasp import UNIT_TOLERANCE, Contact, Grasp
+from handfast.proofs.fields import rational
 
 Vector = tuple[fmpq, fmpq, fmpq]
 

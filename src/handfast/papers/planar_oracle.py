@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from flint import fmpq
 
 from handfast.core.arrays import Array
-from handfast.core.rational import rational, rounded
 from handfast.papers.arrangement import Face, faces
 from handfast.papers.planar_grasp import PlanarGrasp, Vector
 from handfast.papers.rational_simplex import ONE, ZERO, RationalProgram
+from handfast.proofs.fields import rational, rounded
 
 Load = Sequence[float] | Array
 Range = tuple[fmpq, fmpq | None]

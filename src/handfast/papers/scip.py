@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from pyscipopt import SCIP_EVENTTYPE, Eventhdlr, Model, quicksum
 
-from handfast.core.quiet import silent
+from handfast.core.libraries import silent
 from handfast.papers.mixed_integer import INF, MixedIntegerProgram, SolverResult, SolverStatus
 
 STATUS = {

@@ -13,8 +13,8 @@ import numpy as np
 from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.libraries import quiet
 from handfast.core.limited import limited
-from handfast.core.quiet import quiet
 from handfast.core.transforms import rigid, transform
 from handfast.geometry.collision import Pair, always_meeting
 from handfast.geometry.guess_regions import regions_of

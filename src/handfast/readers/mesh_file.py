@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.errors import InputError
-from handfast.core.interrupts import deferred_interrupt
+from handfast.core.libraries import deferred_interrupt
 from handfast.core.limited import limited
 from handfast.model.mesh_pieces import checked_mesh
 from handfast.model.shape import Mesh

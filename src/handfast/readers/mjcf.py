@@ -11,8 +11,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.libraries import quiet
 from handfast.core.limited import limited
-from handfast.core.quiet import quiet
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.hand import Hand, Joint, Link, coupling_rows, guess_closing, refuse_large
 from handfast.model.mechanism import Mechanism

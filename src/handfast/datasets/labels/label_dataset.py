@@ -7,14 +7,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
 from handfast.core.files import same_json
-from handfast.core.parallel import default_jobs
-from handfast.core.workers import DaskWorkers, Died, ProcessWorkers, Workers
+from handfast.core.parallel import DaskWorkers, Died, WorkerPool, Workers, default_jobs
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
 from handfast.datasets.labels.label_columns import SCHEMA, broken, complete, described
 from handfast.datasets.labels.label_files import BrokenFile, LabelFormat, format_named, format_of
@@ -155,7 +153,7 @@ def label_dataset(
     with folder:
         _refuse(target, folder, resume=resume, force=force)  # another run may have ended since
         bad = fresh = 0
-        with _workers(jobs, scheduler) as workers:
+        with _workers(recipe, jobs, scheduler) as workers:
             have = folder.open(resume=resume)
             done = sum(map(len, have))
 
@@ -164,7 +162,7 @@ def label_dataset(
                     on_progress(LabelProgress(done + fresh, rows.count, fresh, time.monotonic() - begin, bad))
 
             tell()
-            for first, labels in _labelled(workers, recipe, rows.parts(part or PART, have), timed=part is None):
+            for first, labels in _labelled(workers, rows.parts(part or PART, have), timed=part is None):
                 folder.write(range(first, first + labels.rows), labels.data)
                 fresh, bad = fresh + labels.rows, bad + labels.broken
                 tell()
@@ -211,19 +209,19 @@ def _count(summary: LabelSummary, format: LabelFormat, target: Path, rows: int) 
         raise InputError("was damaged since it was written; give --force to begin anew", source=str(target))
 
 
-def _workers(jobs: int | None, scheduler: str | None) -> Workers:
-    return DaskWorkers(scheduler) if scheduler else ProcessWorkers(jobs or default_jobs())
+def _workers(recipe: LabelRecipe, jobs: int | None, scheduler: str | None) -> Workers[LabelRecipe]:
+    return DaskWorkers(recipe, scheduler) if scheduler else WorkerPool(recipe, jobs or default_jobs())
 
 
 def _labelled(
-    workers: Workers, recipe: LabelRecipe, parts: Iterator[LabelPart], *, timed: bool
+    workers: Workers[LabelRecipe], parts: Iterator[LabelPart], *, timed: bool
 ) -> Iterator[tuple[int, PackedLabels]]:
     """First row and labels of parts, as they are done.
 
     The rows for which a task had no time become another part. A part whose process died is done again row by row, to
     find the row.
     """
-    begin, ask = time.monotonic(), partial(packed_labels, recipe)
+    begin = time.monotonic()
     left, suspects = deque[LabelPart](), list[LabelPart]()
 
     def feed() -> Iterator[LabelPart]:
@@ -241,7 +239,7 @@ def _labelled(
         return replace(part, seconds=seconds) if timed else part
 
     while True:
-        for part, labels in workers.run(ask, feed()):
+        for part, labels in workers.run(packed_labels, feed()):
             if isinstance(labels, Died):
                 suspects.append(part)
                 continue
@@ -252,9 +250,9 @@ def _labelled(
         if not left:
             break
     alone = (LabelPart((row,)) for part in suspects for row in part.rows)
-    for part, labels in workers.run(ask, alone):
+    for part, labels in workers.run(packed_labels, alone):
         if isinstance(labels, Died):
-            labels = _packed(recipe, [broken(part.first, part.rows[0].name, labels.reason)])
+            labels = _packed(workers.shared, [broken(part.first, part.rows[0].name, labels.reason)])
         yield part.first, labels
 
 

@@ -38,7 +38,7 @@ def exact_contacts(grasp: Grasp) -> Iterator[tuple[list[fmpq], list[list[fmpq]],
 
     Rational, from the positions, axes and contact frames as they are: columns of the grasp map and of the Jacobian.
     """
-    from handfast.core.rational import rational, rational_cross
+    from handfast.proofs.fields import cross, rational
 
     for i, contact in enumerate(grasp.contacts):
         p = [rational(x) for x in contact.position]
@@ -50,7 +50,7 @@ def exact_contacts(grasp: Grasp) -> Iterator[tuple[list[fmpq], list[list[fmpq]],
             speeds[j] = [rational(x) for x in joint.axis]
             if joint.type != "prismatic":
                 arm = [x - rational(o) for x, o in zip(p, joint.origin, strict=True)]
-                speeds[j] = rational_cross(speeds[j], arm)
+                speeds[j] = cross(speeds[j], arm)
         yield p, frame, speeds
 
 
@@ -71,7 +71,7 @@ def exact_sums(
     """
     from flint import fmpq
 
-    from handfast.core.rational import rational, rational_cross, rounded
+    from handfast.proofs.fields import cross, rational, rounded
 
     r_, q_, c_, f_, lambda_, load = ([rational(x) for x in v] for v in (r, q, c, f, coupling, w))
     R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
@@ -81,9 +81,9 @@ def exact_sums(
     torsions = np.zeros(grasp.m) if torsion is None else torsion
     turned = {int(i): rational(torsions[i]) for i in grasp.soft}
     for i, (p, frame, speeds) in enumerate(exact_contacts(grasp)):
-        point = [x + y for x, y in zip(r_[:3], rational_cross(r_[3:], p), strict=True)]
+        point = [x + y for x, y in zip(r_[:3], cross(r_[3:], p), strict=True)]
         force = [sum((c_[3 * i + k] * frame[k][x] for k in range(3)), zero) for x in range(3)]
-        balance = [x + y for x, y in zip(balance, [*force, *rational_cross(p, force)], strict=True)]
+        balance = [x + y for x, y in zip(balance, [*force, *cross(p, force)], strict=True)]
         for j, speed in speeds.items():
             point = [x - q_[j] * v for x, v in zip(point, speed, strict=True)]
             torques[j] += sum((x * v for x, v in zip(force, speed, strict=True)), zero)

@@ -19,7 +19,7 @@ import numpy as np
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import Block, table
-from handfast.core.interrupts import deferred_interrupt
+from handfast.core.libraries import deferred_interrupt
 from handfast.stability.search import arrays, cases, rows
 from handfast.stability.search.arrays import (
     CHILDREN,

@@ -13,8 +13,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from handfast.core import interrupts
-from handfast.core.interrupts import deferred_interrupt, patient_interrupt
+from handfast.core import libraries
+from handfast.core.libraries import deferred_interrupt, patient_interrupt
 
 
 def test_it_is_kept_and_not_lost() -> None:
@@ -37,7 +37,7 @@ def test_it_is_kept_and_not_lost() -> None:
 def test_it_does_at_the_end_what_it_would_have_done() -> None:
     """Ends the process, where the system's own handling was asked for."""
     code = (
-        "import signal; from handfast.core.interrupts import deferred_interrupt as deferred;"
+        "import signal; from handfast.core.libraries import deferred_interrupt as deferred;"
         "signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
         "with deferred(): signal.raise_signal(signal.SIGINT); print('all', flush=True)\n"
         "print('more')"
@@ -88,7 +88,7 @@ def test_a_program_lets_imports_end(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         """A timer whose time is over when the test says so."""
 
         def __init__(self, seconds: float, function: Callable[[], None]) -> None:
-            assert seconds == interrupts.SOON
+            assert seconds == libraries.SOON
             self.function = function
 
         def start(self) -> None:
@@ -100,7 +100,7 @@ def test_a_program_lets_imports_end(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     def over() -> None:
         waiting.pop().function()
 
-    monkeypatch.setattr(interrupts, "threading", SimpleNamespace(**vars(threading) | {"Timer": Look}))
+    monkeypatch.setattr(libraries, "threading", SimpleNamespace(**vars(threading) | {"Timer": Look}))
     monkeypatch.setitem(sys.modules, "time_of_look", SimpleNamespace(over=over))
     monkeypatch.delitem(sys.modules, "swallows", raising=False)  # where this test is run again in the same process
     monkeypatch.syspath_prepend(tmp_path)

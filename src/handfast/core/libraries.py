@@ -1,12 +1,15 @@
-"""Ctrl-C that has to wait: for a module that is being imported, for threads that write to the same arrays.
+"""Libraries kept in order: nothing of their own on standard output, and Ctrl-C that waits while they are imported.
 
 Libraries import their own parts within `except BaseException` (trimesh does), which swallows the interruption and
-leaves them without the part; and Python ends by the signal itself, whatever is caught, if it came within `exec`.
+leaves them without the part; and Python ends by the signal itself, whatever is caught, if it came within `exec`. Ctrl-C
+also waits for threads that write to the same arrays.
 """
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from _thread import interrupt_main
 from collections.abc import Iterator
@@ -67,3 +70,30 @@ def _importing(frame: FrameType | None) -> bool:
             return True
         frame = frame.f_back
     return False
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without warnings of mujoco, also in a file: what is wrong with a model is found by those who read it."""
+    import mujoco  # slow to import
+
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(None)
+
+
+@contextmanager
+def silent(descriptor: int) -> Iterator[None]:
+    """Nothing is written to a file descriptor, 1 or 2: for compiled libraries, which know no `sys.stdout`."""
+    (sys.stdout if descriptor == 1 else sys.stderr).flush()
+    saved = os.dup(descriptor)
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, descriptor)
+        yield
+    finally:
+        os.dup2(saved, descriptor)
+        os.close(saved)
+        os.close(sink)
