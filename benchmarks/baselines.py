@@ -47,7 +47,7 @@ METHODS: dict[str, Callable[[Grasp, Array], BaselineState]] = {
     "pyramid, 4 edges": lambda g, w: pyramid_step(g, w, edges=4),
     "pyramid, 8 edges": lambda g, w: pyramid_step(g, w, edges=8),
     "pyramid, 16 edges": lambda g, w: pyramid_step(g, w, edges=16),
-    "turns, 8 edges": lambda g, w: turn_scheme(g, w, edges=8, time_limit=10.0),
+    "turns, 8 edges": lambda g, w: turn_scheme(g, w, edges=8, timeout=10.0),
 }
 
 
@@ -68,7 +68,7 @@ def questions(count: int, bundled: bool) -> Iterator[tuple[str, Grasp, Array]]:
 
 def asked(name: str, grasp: Grasp, direction: Array) -> list[dict[str, Any]]:
     """What each method says of each load, beside the engine."""
-    settings = Settings(time_limit=5.0)
+    settings = Settings(timeout=5.0)
     top = maximum(grasp, direction, settings=settings)
     bounded = np.isfinite(top.upper) and top.upper > 0
     out = []

@@ -67,8 +67,8 @@ from handfast.stability.studies.batch import max_many
 
 RESULTS = Path(__file__).parent / "results" / "dataset_audit.json"
 FRICTIONS = (0.3, 0.6, 1.0, 3.0, 10.0)  # Dexonomy's hard test, DexGraspBench, GraspQP, DexGraspNet, GenDexGrasp
-LIMIT = Settings(node_limit=6000, time_limit=12.0, gap=1e-2, verify=False)
-BRIEF = Settings(node_limit=1000, time_limit=4.0, verify=False)  # for frictions other than the grasp's own
+LIMIT = Settings(nodes=6000, timeout=12.0, gap=1e-2, verify=False)
+BRIEF = Settings(nodes=1000, timeout=4.0, verify=False)  # for frictions other than the grasp's own
 STEP = 5  # grasps between two times of writing
 FAST = 4.0  # [s of the twin] over which the load of a simulation grows
 SIDES = np.repeat(np.eye(3), 2, axis=0) * np.tile([-1.0, 1.0], 3)[:, None]  # −x, +x, −y, ...

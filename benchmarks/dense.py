@@ -68,7 +68,7 @@ def pulls(grasp: Grasp) -> list[Array]:
 
 def asked(grasp: Grasp) -> dict[str, Any]:
     """Six checks and six maxima: verdicts, bounds, how they ended, nodes and processor time [ms]."""
-    settings = Settings(verify=False, workers=1, time_limit=PATIENCE)
+    settings = Settings(verify=False, jobs=1, timeout=PATIENCE)
     out: dict[str, Any] = {"contacts": grasp.m, "checks": [], "maxima": []}
     for w in pulls(grasp):
         start = time.process_time()
@@ -85,8 +85,8 @@ def asked(grasp: Grasp) -> dict[str, Any]:
 
 def ways(grasp: Grasp) -> dict[str, float]:
     """Time [ms] by the clock of six maxima: one by one, with two threads each, and together."""
-    one = Settings(verify=False, workers=1, time_limit=PATIENCE)
-    two = replace(one, workers=2)
+    one = Settings(verify=False, jobs=1, timeout=PATIENCE)
+    two = replace(one, jobs=2)
     W = pulls(grasp)
     asks: dict[str, Callable[[], Any]] = {
         "one by one": lambda: [maximum(grasp, w, settings=one) for w in W],

@@ -89,7 +89,7 @@ def timed(ask: Callable[[], T]) -> tuple[T, Cost]:
 
 def ours(case: Case, limit: float) -> Row:
     """The engine on one case."""
-    settings = Settings(gap=GAP, time_limit=limit)
+    settings = Settings(gap=GAP, timeout=limit)
 
     def ask() -> MaxAnswer:
         return maximum(case.grasp, case.direction, base=case.base, settings=settings)
@@ -149,7 +149,7 @@ def warm_up(chosen: list[Case]) -> None:
     """Compile whatever the engine compiles: a maximum of each kind of question."""
     for family in ("random", "fixture"):
         case = next((c for c in chosen if c.family == family), chosen[0])
-        maximum(case.grasp, case.direction, base=case.base, settings=Settings(gap=GAP, time_limit=60.0))
+        maximum(case.grasp, case.direction, base=case.base, settings=Settings(gap=GAP, timeout=60.0))
 
 
 def save(data: dict[str, Any], file: Path) -> None:

@@ -102,7 +102,7 @@ def rows_of(
     family: str, name: str, grasp: Grasp, direction: Array, options: dict[str, Any], loads: list[Array], limit: float
 ) -> Iterator[dict[str, Any]]:
     """Of the maximum along a direction, checks at shares of it, and checks of other loads: what is proved of each."""
-    settings = Settings(time_limit=limit, workers=1, verify=False)
+    settings = Settings(timeout=limit, jobs=1, verify=False)
     rest = {key: value for key, value in options.items() if key != "base"}
     base = options.get("base", np.zeros(6))
     start = time.process_time()

@@ -146,7 +146,7 @@ def postures(hand: str, thing: str, target: Path, start: int, args: argparse.Nam
 
 def labelled(hand: str, thing: str, table: Path, args: argparse.Namespace) -> None:
     scene, spent = SceneSource.of(hand, thing), cpu()
-    how = {"labelling": Labelling(node_limit=args.node_limit), "scene": scene, "jobs": args.jobs, "resume": True}
+    how = {"labelling": Labelling(nodes=args.nodes), "scene": scene, "jobs": args.jobs, "resume": True}
     summary = label_dataset(table, table.with_suffix(args.ending), **how)
     if summary.fresh:
         peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024
@@ -169,7 +169,7 @@ def noted(table: Path, what: str, course: dict[str, float]) -> None:
 def summed(folder: Path, args: argparse.Namespace) -> dict[str, Any]:
     """Figures of all tables of labels that are there."""
     out: dict[str, Any] = {"machine": describe(), "draws of each closing": args.draws}
-    out |= {"most contacts": args.most_contacts, "node limit of a question": args.node_limit}
+    out |= {"most contacts": args.most_contacts, "node limit of a question": args.nodes}
     for hand in ("barrett", "allegro"):
         tables = sorted(t for t in folder.glob(f"*/{hand}-*.npz") if t.with_suffix(args.ending).exists())
         counts: dict[str, Counter[Any]] = {key: Counter() for key in ("verdict", "contacts", "stop", "reason")}
@@ -238,7 +238,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=1, help="in each of which there are as many")
     parser.add_argument("--draws", type=int, default=1, help="of command, mass and friction for each closed hand")
     parser.add_argument("--most-contacts", type=int, default=99)
-    parser.add_argument("--node-limit", type=float, help="of each question of a label")
+    parser.add_argument("--nodes", type=float, help="of each question of a label")
     parser.add_argument("--jobs", type=int, default=default_jobs())
     parser.add_argument("--out", type=Path, default=Path("dataset"))
     parser.add_argument("--ending", default=".parquet", choices=(".parquet", ".jsonl"))

@@ -61,7 +61,7 @@ def asked(grasp: Grasp, direction: Array, limit: float) -> dict[str, Any]:
     seconds = []
     for _ in range(2):
         start = time.process_time()
-        found = maximum(grasp, direction, settings=Settings(time_limit=limit, verify=False, workers=1))
+        found = maximum(grasp, direction, settings=Settings(timeout=limit, verify=False, jobs=1))
         seconds.append(time.process_time() - start)
     ended = found.stop is Stop.COMPLETE
     return {"seconds": min(seconds), "nodes": found.nodes, "ended": ended, "verdict": str(found.verdict)}

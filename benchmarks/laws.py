@@ -146,7 +146,7 @@ class Subject:
         return self._proved(self.verbs.torques(self.grasp, wrench, **rest))
 
     def _settings(self, limit: float | None = None) -> Settings:
-        return Settings(time_limit=limit or self.limit, workers=1)
+        return Settings(timeout=limit or self.limit, jobs=1)
 
     def _proved(self, answer: A) -> A:
         """The answer, after the law of proofs has been applied to it."""
@@ -364,7 +364,7 @@ def force_maps(subject: Subject) -> None:
     """A force map says what the maxima in its directions say, without a preload and with it."""
     tally, rng = subject.tally("maps"), subject.rng("maps")
     at, plane = 0.01 * rng.normal(size=3), str(rng.choice(maps.PLANES))
-    settings = Settings(time_limit=subject.limit, workers=1)
+    settings = Settings(timeout=subject.limit, jobs=1)
     drawn = subject.verbs.force_map(
         subject.grasp, plane, at=at, steps=DIRECTIONS, jobs=1, settings=settings, **subject.options
     )

@@ -70,9 +70,7 @@ def worst_of(grasp: Grasp) -> list[float | None]:
     """Bounds of the worst passive maximum, with more nodes if few do not decide it."""
     worst: list[float | None] = []
     for nodes in NODES:
-        worst = [
-            short(x) for x in passive_maxima(grasp, settings=Settings(node_limit=nodes, gap=GAP, verify=False)).worst
-        ]
+        worst = [short(x) for x in passive_maxima(grasp, settings=Settings(nodes=nodes, gap=GAP, verify=False)).worst]
         if decided(worst):
             break
     return worst

@@ -83,7 +83,7 @@ def attacked(grasp: Grasp, direction: Array, options: dict[str, Any], upper: flo
     base = options.get("base", np.zeros(6))
     for factor in ABOVE:
         s = upper * factor if upper > 0 else factor * 1e-3
-        answer = check(grasp, base + s * direction, settings=Settings(time_limit=ATTACK), **rest)
+        answer = check(grasp, base + s * direction, settings=Settings(timeout=ATTACK), **rest)
         if answer.verdict is Verdict.HOLDS:
             found.append(f"check holds at {factor:g} times the bound")
     p = scaled_problem.build(grasp, base, direction, **rest)
@@ -109,7 +109,7 @@ def ask(
 ) -> dict[str, Any]:
     """One question and the attack on its answer."""
     start = time.perf_counter()
-    a = maximum(grasp, direction, settings=Settings(time_limit=limit), **options)
+    a = maximum(grasp, direction, settings=Settings(timeout=limit), **options)
     seconds = time.perf_counter() - start
     bounded = bool(np.isfinite(a.upper))
     return {

@@ -34,7 +34,7 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.maps import Curve, force_map
 
 RESULTS = Path(__file__).parent / "results" / "other_bodies.json"
-SETTINGS = Settings(gap=1e-3, time_limit=20.0)
+SETTINGS = Settings(gap=1e-3, timeout=20.0)
 MOST = 1e5  # [N] or other multiples of a direction; more counts as without end
 MAP_GAP = 1e-2
 STEPS = 72  # directions of a map, rays of a region

@@ -120,7 +120,7 @@ def compared(k: int, limit: float) -> dict[str, Any]:
     )
     odd: list[str] = [] if proper else ["the oracle's own state solves nothing"]
     counts: Counter[str] = Counter()
-    spatial, settings = grasp.spatial(), Settings(time_limit=limit)
+    spatial, settings = grasp.spatial(), Settings(timeout=limit)
     w, d = grasp.spatial_load(base), grasp.spatial_load(direction)
 
     found = maximum(spatial, d, base=w, settings=settings)
@@ -193,7 +193,7 @@ def interval(row: dict[str, Any], limit: float) -> dict[str, Any] | None:
     """What the engine shows of smaller magnitudes, and whatever contradicts; None if it has nothing to show."""
     _, grasp, base, direction = question(row["k"])
     w, d = grasp.spatial_load(base), grasp.spatial_load(direction)
-    found = maximum(grasp.spatial(), d, base=w, interval=True, settings=Settings(time_limit=limit)).interval
+    found = maximum(grasp.spatial(), d, base=w, interval=True, settings=Settings(timeout=limit)).interval
     if found is None:
         return None
     unit = float(np.linalg.norm(base) / np.linalg.norm(direction))

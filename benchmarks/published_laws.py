@@ -106,7 +106,7 @@ def held(grasps: Sequence[Grasp], jobs: int) -> dict[str, Any]:
 
 def asked(seconds: float, grasp: Grasp) -> tuple[str, str]:
     """Verdicts without load and under the weight: the first that does not hold."""
-    settings = Settings(time_limit=seconds)
+    settings = Settings(timeout=seconds)
     alone = str(check(grasp, np.zeros(6), settings=settings).verdict)
     try:
         for load in Loads.gravity(grasp).wrenches:

@@ -89,14 +89,14 @@ def main() -> None:
     if args.sample_alone:
         for k in range(0, args.checks, every):
             grasp, w = question(k)
-            compare(check(grasp, w, settings=Settings(time_limit=args.limit)), grasp, w)
+            compare(check(grasp, w, settings=Settings(timeout=args.limit)), grasp, w)
         peer = {"solver": args.peer, "limit": args.peer_limit, "counts": dict(peers)}
         args.out.write_text(json.dumps(json.loads(args.out.read_text()) | {"peer": peer}, indent=1) + "\n")
         print(dict(peers))
         return
     for k in range(args.checks):
         grasp, w = question(k)
-        answer = check(grasp, w, settings=Settings(time_limit=args.limit))
+        answer = check(grasp, w, settings=Settings(timeout=args.limit))
         started += 1
         counts[str(answer.verdict)] += 1
         nodes.append(answer.nodes)

@@ -18,7 +18,7 @@ The Barrett URDF has no mimic joints: all eight joints are motors of their own. 
 are commanded, the distal joints stay where the pre-shape puts them and are locked. `motors` is the URDF
 as it stands: the distal joints close too, and those stopped by a touch are commanded a third as much.
 
-    python -m benchmarks.real_hands --shared ../shared --out reports --time-limit 30
+    python -m benchmarks.real_hands --shared ../shared --out reports --timeout 30
 """
 
 from __future__ import annotations
@@ -235,13 +235,13 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="folder for one HTML report per pair and variant")
     parser.add_argument("--results", type=Path, help="JSON file for the numbers")
     parser.add_argument("--pictures", type=Path, help="folder for the pictures of the documentation")
-    parser.add_argument("--time-limit", type=float, default=30.0, metavar="S", help="per check [s]")
+    parser.add_argument("--timeout", type=float, default=30.0, metavar="S", help="per check [s]")
     parser.add_argument("--only", default="", metavar="TEXT", help="pairs whose name contains this")
     options = parser.parse_args()
     if not (options.shared / "hands").is_dir():
         print(f"{options.shared}: no folder hands/ in it; give --shared", file=sys.stderr)
         return 2
-    settings = Settings(time_limit=options.time_limit)
+    settings = Settings(timeout=options.timeout)
     for folder in (options.out, options.pictures, options.results and options.results.parent):
         if folder:
             folder.mkdir(parents=True, exist_ok=True)
@@ -268,7 +268,7 @@ def main() -> int:
         data = {
             "poses": "chosen among many for the most sides that hold, see real_hands.py: no success rate",
             "friction": FRICTION,
-            "time_limit": options.time_limit,
+            "timeout": options.timeout,
             "machine": machine(),
             "rows": records,
         }

@@ -31,7 +31,7 @@ from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "replay.json"
-SETTINGS = Settings(verify=False, workers=1, time_limit=20.0)
+SETTINGS = Settings(verify=False, jobs=1, timeout=20.0)
 FIRST_SEED, LAWS_SEED = 8_200_000, 3_150_000
 PARTS = {"tree": (checker, "leaf_cases"), "rows": (checker, "checked_rows"), "rational": (leaves, "exact_margin")}
 

@@ -27,7 +27,7 @@ from handfast.stability.studies.sampled_maximum import Perturbation, sampled_max
 RESULTS = Path(__file__).parent / "results" / "sampled_maxima.json"
 ETA = float(np.radians(2.5))
 BOUNDS = {"normals": Perturbation(normals=ETA), "all": Perturbation(1e-3, ETA, 0.1, 0.1)}
-LIMIT = Settings(time_limit=5.0, gap=1e-2, workers=1)
+LIMIT = Settings(timeout=5.0, gap=1e-2, jobs=1)
 
 
 def question(case: Any, samples: int) -> dict[str, Any]:

@@ -49,7 +49,7 @@ from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "settling.json"
 KINDS = ("axis", "displaced", "closed")
-LIMIT = Settings(time_limit=5.0, gap=1e-2)
+LIMIT = Settings(timeout=5.0, gap=1e-2)
 STEPS = 1500
 OPEN = 0.05  # [rad] by which fingers open before they close anew
 

@@ -54,9 +54,9 @@ STATEMENT = "an equilibrium exists"  # the model's own: some simulation of the l
 FIRM = 0.8  # of the maximum, where fragility is asked
 LITTLE = 50.0  # times what the most loaded contact gives way, by the least motion at FIRM: an earlier study's rule
 RAMP = 4.0  # [s]
-LIMIT = Settings(time_limit=60.0)
-QUICK = Settings(node_limit=1000, time_limit=60.0)  # of each check of fragility
-HOLES = Settings(node_limit=1000, time_limit=4.0, gap=1e-2)  # of the search for holes, the widest ranges first
+LIMIT = Settings(timeout=60.0)
+QUICK = Settings(nodes=1000, timeout=60.0)  # of each check of fragility
+HOLES = Settings(nodes=1000, timeout=4.0, gap=1e-2)  # of the search for holes, the widest ranges first
 RESTS = (Ending.HOLDS, Ending.SETTLES)
 OPEN = (Ending.UNDECIDED, Ending.ILL_POSED)
 

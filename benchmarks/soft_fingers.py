@@ -35,7 +35,7 @@ from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "soft_fingers.json"
 SEED = 18
-LIMIT = Settings(time_limit=10.0)
+LIMIT = Settings(timeout=10.0)
 SHARES = (0.5, 1.5)
 TORSIONS = (0.0, 0.001, 0.004, 0.015)  # [m]
 MOST = 5  # contacts

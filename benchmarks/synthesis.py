@@ -37,7 +37,7 @@ def measure(task: Task, runs: int) -> dict[str, Any]:
     seconds, starts, unproved, verdicts = [], [], 0, Counter[str]()
     for seed in range(runs):
         clock = time.perf_counter()
-        answer = synthesize(task, seed=seed, timeout=LIMIT, workers=1)
+        answer = synthesize(task, seed=seed, timeout=LIMIT, jobs=1)
         took = time.perf_counter() - clock
         verdicts[str(answer.verdict)] += 1
         unproved += answer.unproved

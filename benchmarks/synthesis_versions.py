@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import inspect
 import json
 import os
 import statistics
@@ -66,6 +67,8 @@ class Answers:
         self.tasks = {f.stem: self._load(f) for f in sorted(folder.glob("*.json"))}
         self.bundled = {name: t for name, t in self.tasks.items() if not name.startswith(("cut-", "away-"))}
         self.seeds = seeds
+        asked = inspect.signature(self.api.synthesize).parameters
+        self.one = {"jobs" if "jobs" in asked else "workers": 1}
 
     def _load(self, file: Path) -> Any:
         try:
@@ -80,7 +83,7 @@ class Answers:
         return [self._found(name, 0, MANY) for name in self.bundled]
 
     def _found(self, name: str, seed: int, count: int) -> dict[str, Any]:
-        answer = self.api.synthesize(self.bundled[name], seed=seed, count=count, timeout=None, nodes=1, workers=1)
+        answer = self.api.synthesize(self.bundled[name], seed=seed, count=count, timeout=None, nodes=1, **self.one)
         proofs = [solution.existence for solution in answer.solutions]
         return {
             "question": f"{name}, seed {seed}, {count}",
@@ -112,7 +115,7 @@ def answer(folder: Path, seeds: int) -> None:
     """The process of one version: a group per line in, processor time [s] and records out."""
     answers = Answers(folder, seeds)
     compiling = answers.bundled[next(iter(answers.bundled))]
-    answers.api.synthesize(compiling, count=2, workers=1)
+    answers.api.synthesize(compiling, count=2, **answers.one)
     answers.prover.Prover(answers.problem.of(compiling), workers=1).run(nodes=1)
     print("ready", flush=True)
     for line in sys.stdin:

@@ -33,7 +33,7 @@ RESULTS = Path(__file__).parent / "results" / "table1.json"
 
 def exact(eta: float, limit: float) -> dict[str, Any]:
     """The bracket that `handfast max` gives: witnessed and certified."""
-    settings = Settings(gap=1e-3, time_limit=limit)
+    settings = Settings(gap=1e-3, timeout=limit)
     a = maximum(load_grasp("fig9"), DOWN, limits=GraspLimits(eta=np.radians(eta)), settings=settings)
     return {
         "solver": None,

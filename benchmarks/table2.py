@@ -78,7 +78,7 @@ def record(answer: Answer, cost: Cost) -> Row:
 
 def ours(question: TaskQuestion, limit: float) -> Row:
     """The engine, and what the checker says to its certificate."""
-    settings = Settings(gap=GAP, time_limit=limit)
+    settings = Settings(gap=GAP, timeout=limit)
     answer, cost = timed(lambda: question.ask(settings))
     if cost.seconds < BRIEF:
         more = [cost, *(timed(lambda: question.ask(settings))[1] for _ in range(REPEATS - 1))]
@@ -136,7 +136,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         raise SystemExit(f"{options.out} has another time limit, {data['limit']:g} s; choose another --out")
     for name in (TWELVE[0], TWELVE[-1]):  # compile whatever the engine compiles
         for question in task_questions(name)[:3]:
-            question.ask(Settings(gap=GAP, time_limit=options.limit))
+            question.ask(Settings(gap=GAP, timeout=options.limit))
     while some := pending(data, options.rounds):
         for question, method in some:
             found = answered(question, method, options.limit)

@@ -79,11 +79,11 @@ PULL = np.array([1.0, 0.5, 2.0, 0.02, -0.01, 0.01])
 QUESTIONS: dict[str, Ask] = {
     "hold": lambda g, s: hold(g, gravity(WEIGHT), timeout=s),
     "hold all": lambda g, s: hold(g, gravity(WEIGHT), actuators=g.mechanism.actuators, timeout=s),
-    "torques": lambda g, s: torques(g, PULL, settings=Settings(time_limit=s)),
-    "check": lambda g, s: check(g, PULL, settings=Settings(time_limit=s)),
-    "max": lambda g, s: maximum(g, PULL, settings=Settings(time_limit=s)),
-    "interval": lambda g, s: maximum(g, PULL, interval=True, settings=Settings(time_limit=s)),
-    "map": lambda g, s: force_map(g, "xy", steps=STEPS, settings=Settings(time_limit=s), jobs=1),
+    "torques": lambda g, s: torques(g, PULL, settings=Settings(timeout=s)),
+    "check": lambda g, s: check(g, PULL, settings=Settings(timeout=s)),
+    "max": lambda g, s: maximum(g, PULL, settings=Settings(timeout=s)),
+    "interval": lambda g, s: maximum(g, PULL, interval=True, settings=Settings(timeout=s)),
+    "map": lambda g, s: force_map(g, "xy", steps=STEPS, settings=Settings(timeout=s), jobs=1),
 }
 
 

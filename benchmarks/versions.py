@@ -36,7 +36,7 @@ def answer(verify: bool) -> None:
     from handfast.stability.problem.settings import Settings
 
     replay: dict[str, Any] = {"verify": verify} if "verify" in {f.name for f in fields(Settings)} else {}
-    settings = Settings(gap=1e-3, time_limit=20.0, workers=1, **replay)
+    settings = Settings(gap=1e-3, timeout=20.0, jobs=1, **replay)
 
     def ask(case: Case) -> int:
         return maximum(case.grasp, case.direction, base=case.base, settings=settings).nodes

@@ -70,7 +70,7 @@ def main() -> None:
         assert check.witness is not None
         panel(ax, meshes, check.witness, angle, body.center_of_mass)
         ax.set_title(title, fontsize=11)
-    whole = force_map(g.grasp, "xy", steps=120, at=body.center_of_mass, settings=Settings(node_limit=4000))
+    whole = force_map(g.grasp, "xy", steps=120, at=body.center_of_mass, settings=Settings(nodes=4000))
     drawn = picture(draw_map(whole, weight=9.81 * float(body.mass or 0)), "png", dpi=160)
     ax = figure.add_axes((0.585, 0.0, 0.41, 1.0))
     ax.imshow(imread(io.BytesIO(drawn)))

@@ -29,7 +29,7 @@ from handfast.pictures.scene import scene_meshes
 IMAGES = Path(__file__).parent / "img"
 TITLES = {"largest_wrench": "largest wrench"}
 PLOTTED = ("epsilon_l1", "epsilon_linf", "largest_wrench", "pgr", "isotropy", "tdg")
-PATIENT = Settings(node_limit=6000, gap=1e-2, verify=False)
+PATIENT = Settings(nodes=6000, gap=1e-2, verify=False)
 ALIKE = {f"finger_{k}_prox": 0.1 for k in (1, 2, 3)}  # [N m]
 
 

@@ -66,7 +66,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--numbers", type=Path)
     asked = parser.parse_args()
-    exact, quick = Settings(), Settings(time_limit=PATIENCE)
+    exact, quick = Settings(), Settings(timeout=PATIENCE)
 
     def force(name: str, eta: float) -> Callable[[], Any]:
         def draw() -> Any:

@@ -64,7 +64,7 @@ CONTACTS = {  # object: contacts, in the order of Fig. 13's letters
 ATTEMPTS = 300  # per object
 SEED = 0
 SAMPLING = Sampling(aligned=0.0, central=0.0)
-SETTINGS = Settings(node_limit=4000)
+SETTINGS = Settings(nodes=4000)
 COLUMNS = 4
 SAME = 1e-6  # [rad], and [m] of the pose
 SAME_PRELOAD = 1e-2  # relative: the gap to which `hold` looks for it

@@ -97,7 +97,7 @@ def samples(folder: Path) -> dict[str, list[Path]]:
     wrench = [0.0, 0.0, -0.4, 0.0, 0.0, 0.0]
     loads = {"schema": "handfast/loads/1", "loads": {"weight": wrench, "push": [0.1, 0, 0, 0, 0, 0.01]}}
     out["loads"] = [write(folder / "loads.json", json.dumps(loads))]
-    small = Settings(workers=1)
+    small = Settings(jobs=1)
     answers: dict[str, Any] = {}
     for name in ("fig1", "fig7", "barrett-ball"):
         grasp = load_grasp(name)
@@ -343,7 +343,7 @@ BALL = "ball"
 def use_grasp(path: Path) -> str:
     grasp = load_grasp(path)
     to_dict(grasp)
-    check(grasp, np.sum(grasp.G[:, ::3], axis=1), settings=Settings(node_limit=50, time_limit=5.0, workers=1))
+    check(grasp, np.sum(grasp.G[:, ::3], axis=1), settings=Settings(nodes=50, timeout=5.0, jobs=1))
     return "loaded"
 
 
@@ -436,7 +436,7 @@ def contradicted(path: Path) -> str:
     data = json.loads(path.read_text("utf-8"))
     saved = saved_answers.read_answer(data)
     q, said, grasp = saved.question, saved.said, from_dict(data["question"]["grasp"])
-    settings = Settings(time_limit=20.0, workers=1)
+    settings = Settings(timeout=20.0, jobs=1)
     within = GraspLimits(q.eta, q.torque_limits, q.force_limit if np.isfinite(q.force_limit) else None)
     limits: dict[str, Any] = {"limits": within, "mdp": q.mdp, "settings": settings}
     if said["query"] == "check":

@@ -36,7 +36,7 @@ def verify(
     replay: bool = False,
     dataset: str | Path | None = None,
     rows: Collection[int] = (),
-    time_limit: float = 60.0,
+    question_timeout: float = 60.0,
     timeout: float | None = None,
     jobs: int | None = None,
     on_progress: Callable[[int, int], None] | None = None,
@@ -51,14 +51,14 @@ def verify(
         replay: what keeps no proofs is asked again, each of its numbers and verdicts, with proofs that are replayed.
         dataset: of a table of labels: what was labelled.
         rows: of a table of labels: numbers of rows, from 0; all unless given.
-        time_limit: [s] for each question that is asked again. timeout: [s] for all of them.
+        question_timeout: [s] for each question that is asked again. timeout: [s] for all of them.
         jobs: cores to use for these; by default all.
         on_progress: called with (done, total) of these.
 
     Raises:
         InputError: the file cannot be read, or is none that can be verified; limits that are not positive.
     """
-    how: dict[str, Any] = {"time_limit": time_limit, "jobs": jobs, "on_progress": on_progress}
+    how: dict[str, Any] = {"question_timeout": question_timeout, "jobs": jobs, "on_progress": on_progress}
     how |= {} if timeout is None else {"timeout": timeout}
     if not isinstance(what, str | Path):
         asks = _asks_again(what.to_json()) if replay and hasattr(what, "to_json") else None

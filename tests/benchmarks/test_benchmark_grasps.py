@@ -70,7 +70,7 @@ def test_contacts_at_one_point_close(chosen: list[Any], name: str) -> None:
     """Nearly parallel rows make working sets singular: no program may be given up for that."""
     case = next(c for c in chosen if c.name == name)
 
-    answer = maximum(case.grasp, case.direction, base=case.base, settings=Settings(gap=1e-3, node_limit=40_000))
+    answer = maximum(case.grasp, case.direction, base=case.base, settings=Settings(gap=1e-3, nodes=40_000))
 
     assert answer.stop is Stop.COMPLETE
     assert answer.nodes < 30_000

@@ -63,7 +63,7 @@ WRONG = {
         ["check", "grasp.json", "--wrnch", "0", "1", "0"],
         ["--wrnch", "did you mean --wrench?"],
     ),
-    "node limit": (["check", "grasp.json", "--wrench", "0", "1", "0", "--node-limit", "0"], ["node limit", "0"]),
+    "node limit": (["check", "grasp.json", "--wrench", "0", "1", "0", "--nodes", "0"], ["nodes", "0"]),
     "an option in place of a command": (["--wat"], ["unknown option '--wat'; a command comes first: check, max"]),
     "a short option in place of a command": (["-x", "check"], ["unknown option '-x'; a command comes first"]),
     "a demo in a file": (["demo", "-o", "empty.obj"], ["empty.obj: is a file; a folder is needed"]),

@@ -109,20 +109,20 @@ def test_friction_and_limits(grasp: str, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_undecided_is_status_3(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    answer = ask(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "--time-limit", "1e-6", status=3)
+    answer = ask(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "--timeout", "1e-6", status=3)
     assert (answer["verdict"], answer["stop"]) == ("undecided", "time")
-    status, out, _ = run(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "--time-limit", "1e-6")
+    status, out, _ = run(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "--timeout", "1e-6")
     assert status == 3
     assert out.startswith("UNDECIDED")
-    assert "--time-limit" in out
+    assert "--timeout" in out
 
 
 def test_a_node_limit_is_undecided_too(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    question = ["max", grasp, "--direction", "0", "1", "0", "--node-limit", "1", "--gap", "1e-12"]
+    question = ["max", grasp, "--direction", "0", "1", "0", "--nodes", "1", "--gap", "1e-12"]
     assert ask(capsys, *question, status=3)["stop"] == "nodes"
     status, out, _ = run(capsys, *question)
     assert status == 3
-    assert "The node limit of 1 was hit; a larger --node-limit may decide it." in out
+    assert "The node limit of 1 was hit; a larger --nodes may decide it." in out
 
 
 # --- maps and sweeps ----------------------------------------------------------------------------

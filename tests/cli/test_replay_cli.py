@@ -74,7 +74,7 @@ def test_what_is_wrong_is_one_line(saved: dict[str, Any], capsys: pytest.Capture
     complains(capsys, ["verify", "map.json", "--replay", "--row", "1"], ["map.json: --row: is for tables of labels"])
     complains(capsys, ["verify", "map.json", "--replay", "--dataset", "a"], ["map.json: --dataset: is for tables"])
     complains(capsys, ["verify", "none.jsonl", "--replay"], ["none.jsonl: no such file; a table of labels is needed"])
-    complains(capsys, ["verify", "map.json", "--replay", "--time-limit", "0"], ["time limit: is 0 s"])
+    complains(capsys, ["verify", "map.json", "--replay", "--question-timeout", "0"], ["timeout: is 0 s"])
     complains(
         capsys, ["verify", "map.json", "--replay", "--timeout", "-1"], ["timeout: is -1 s; a number above 0 is needed"]
     )

@@ -18,7 +18,7 @@ SLIPS = ("settle", "fig1", "--wrench", "0", "2.4", "0")
 
 def test_a_grasp_is_followed_to_where_it_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = ("-o", str(tmp_path / "out"), "--report", str(tmp_path / "a.html"), "--strip", str(tmp_path / "a.png"))
-    found = ask(capsys, *SLIPS, "--no-judge", "--time-limit", "inf", *files)
+    found = ask(capsys, *SLIPS, "--no-judge", "--timeout", "inf", *files)
     assert (found["rest"], found["before"], found["after"]) == ("settles", "slips", "holds")
     assert found["onset"] == pytest.approx(2.2245 / 2.4, abs=1 / LOADS)  # its certified maximum
     assert 5e-3 < found["moved"] < 2e-2

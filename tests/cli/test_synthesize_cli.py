@@ -23,7 +23,7 @@ from handfast.synthesis.task_file import save_task
 from tests.support.holds import HARD, LARGE, grip_file, pinch
 from tests.support.interruptions import interrupted_program
 
-LIMITED = ("--node-limit", "2000", "--timeout", "inf")
+LIMITED = ("--nodes", "2000", "--timeout", "inf")
 KEYS = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
 
 

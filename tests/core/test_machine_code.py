@@ -446,4 +446,4 @@ def test_every_baseline_answers_alike(monkeypatch: pytest.MonkeyPatch, baseline:
     assert check(fig7, [0, 0, -1, 0, 0, 0]).verdict == "holds"
     answer = maximum(fig1, [0, 1, 0, 0, 0, 0])
     assert 2.2 < answer.lower <= answer.upper < 2.5
-    assert len(synthesize(load_task("scalpel-handling"), count=2, workers=1).solutions) == 2
+    assert len(synthesize(load_task("scalpel-handling"), count=2, jobs=1).solutions) == 2

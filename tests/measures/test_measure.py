@@ -19,7 +19,7 @@ from tests.support.program import ask, complains, run
 from tests.support.round_grasps import pair, three
 
 QUICK = ("epsilon_l1", "isotropy", "dfc")
-FEW = Settings(gap=1e-2, node_limit=200, verify=False)
+FEW = Settings(gap=1e-2, nodes=200, verify=False)
 
 
 def test_passive_maxima_of_a_pinch():

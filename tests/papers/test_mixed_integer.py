@@ -64,14 +64,14 @@ def test_infeasible_and_unbounded_are_told_apart(solver: mixed_integer_solvers.S
 
 @solvers
 def test_no_time_is_a_time_out_not_an_answer(solver: mixed_integer_solvers.Solver) -> None:
-    result = mixed_integer_solvers.solve(sos_program("sos2"), solver, time_limit=0.0)
+    result = mixed_integer_solvers.solve(sos_program("sos2"), solver, timeout=0.0)
     assert result.status is SolverStatus.TIME
     assert result.x is None
 
 
 def test_a_wrong_point_is_a_failure_whatever_the_solver_says(monkeypatch: pytest.MonkeyPatch) -> None:
     lie = SolverResult(SolverStatus.OPTIMAL, np.array([1.0, 0.0, 1.0]), -4.0, 1)
-    monkeypatch.setattr(scip, "solve", lambda program, time_limit: lie)
+    monkeypatch.setattr(scip, "solve", lambda program, timeout: lie)
     assert mixed_integer_solvers.solve(sos_program("sos2"), "scip").status is SolverStatus.FAILED
 
 
@@ -95,12 +95,12 @@ def test_scip_confirms_infeasible_with_a_second_attempt(monkeypatch: pytest.Monk
     honest = scip._solve
 
     def wrong(
-        program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list
+        program: MixedIntegerProgram, timeout: float, order: int | None, nodes: int | None, pressed: list
     ) -> SolverResult:
         return (
             SolverResult(SolverStatus.INFEASIBLE, None, INF, 1)
             if order == 0
-            else honest(program, time_limit, order, nodes, pressed)
+            else honest(program, timeout, order, nodes, pressed)
         )
 
     monkeypatch.setattr(scip, "_solve", wrong)
@@ -111,11 +111,11 @@ def test_scip_falls_back_when_its_lp_solver_gives_up(monkeypatch: pytest.MonkeyP
     honest = scip._solve
 
     def broken(
-        program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list
+        program: MixedIntegerProgram, timeout: float, order: int | None, nodes: int | None, pressed: list
     ) -> SolverResult:
         if order is not None:
             raise Exception("SCIP: error in LP solver!")
-        return honest(program, time_limit, order, nodes, pressed)
+        return honest(program, timeout, order, nodes, pressed)
 
     monkeypatch.setattr(scip, "_solve", broken)
     assert mixed_integer_solvers.solve(sos_program("sos1"), "scip").bound == pytest.approx(-3.0)
@@ -126,7 +126,7 @@ def test_scip_remembers_ctrl_c_even_where_it_fails(monkeypatch: pytest.MonkeyPat
     calls = []
 
     def interrupted(
-        program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list
+        program: MixedIntegerProgram, timeout: float, order: int | None, nodes: int | None, pressed: list
     ) -> SolverResult:
         calls.append(order)
         signal.raise_signal(signal.SIGINT)

@@ -109,7 +109,7 @@ def test_bounds_commands_and_slips(grasp: Grasp, tmp_path: Path) -> None:
 
 def test_undecided_says_why(grasp: Grasp, tmp_path: Path) -> None:
     answer = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, None, None)
-    write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=Settings(time_limit=1.0))
+    write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=Settings(timeout=1.0))
     text = page(tmp_path / "a.html")
     assert '<b class="undecided">UNDECIDED</b>' in text
     assert "The time limit of 1 s was hit" in text

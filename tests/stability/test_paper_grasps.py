@@ -23,7 +23,7 @@ from handfast.stability.studies.maps import force_map
 from tests.support.places import ROOT
 from tests.support.slow_cases import slow_after
 
-BRIEF = Settings(node_limit=500)  # for maxima of 0, which are never decided to the end
+BRIEF = Settings(nodes=500)  # for maxima of 0, which are never decided to the end
 
 
 def up(newton: float) -> np.ndarray:

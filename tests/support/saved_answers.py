@@ -52,9 +52,9 @@ ANSWERS = {
     "no torques needed": lambda: torques(pinch(), w(1, 0, 0)),
     "torques do not exist": lambda: torques(pinch().with_friction(0.0), w(0, 1, 0)),
     "torques without actuators": lambda: torques(nest(), w(0, 0, 1)),
-    "undecided": lambda: check(bell(), w(0, 2.3, 0), settings=Settings(node_limit=1)),
+    "undecided": lambda: check(bell(), w(0, 2.3, 0), settings=Settings(nodes=1)),
     "max with a hole": lambda: maximum(HOLED.grasp, HOLED.direction, interval=True),
-    "max cut short": lambda: maximum(bell(), w(0, 1, 0), settings=Settings(node_limit=100, gap=1e-9)),
+    "max cut short": lambda: maximum(bell(), w(0, 1, 0), settings=Settings(nodes=100, gap=1e-9)),
 }
 
 

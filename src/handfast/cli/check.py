@@ -93,6 +93,6 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
         tables.show_check(console.out(), grasp, wrench.tolist(), answer, self)
         if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench):
             # too much, too little, or was there no equilibrium to disturb? A short look tells
-            short = {**options, "mdp": self.mdp, "settings": Settings(time_limit=5.0)}
+            short = {**options, "mdp": self.mdp, "settings": Settings(timeout=5.0)}
             alone, most = check(grasp, [0.0] * 6, **short), maximum(grasp, wrench, **short)
             tables.show_beside(console.out(), alone, most)

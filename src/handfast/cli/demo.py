@@ -68,7 +68,7 @@ class Demo(Command):
             best = torques(grasp, half, settings=settings, on_progress=watch.step)
         entries.append(Entry(f"Which commands resist {load}?", best))
         _say(out, "Torques", sentences.torques_sentence(best, load))
-        limited = replace(settings, time_limit=PATIENCE)
+        limited = replace(settings, timeout=PATIENCE)
         with console.watch("map") as watch:
             drawn = force_map(grasp, "xy", steps=DIRECTIONS, settings=limited, on_progress=watch.item)
         entries.append(Entry(f"Which of {DIRECTIONS} directions of force in the xy plane does it resist?", drawn))

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from handfast.cli.hold_tables import HeldGrasp
     from handfast.datasets.dataset_rows import DatasetRow
     from handfast.model.grasp import Grasp
+    from handfast.stability.problem.settings import Settings
     from handfast.stability.studies.hold import HoldAnswer
 
 LITTLE = 1.01  # margin: no more than the smallest preload leaves
@@ -45,13 +46,18 @@ class Hold(Disturbances, QueryOptions, Saved):
     """be content with the first preload that holds, not the smallest that is found"""
     margin: bool = True
     """do not ask how much more of each load is resisted"""
-    timeout: Annotated[float | None, arg(metavar="S")] = None
-    """seconds for everything that is asked about a grasp; by default any. --time-limit is that of a single query"""
+    timeout: Annotated[float, arg(metavar="S")] = float("inf")
+    """seconds for everything that is asked about a grasp; by default any"""
+    question_timeout: Annotated[float, arg(metavar="S")] = float("inf")
+    """seconds for a single query"""
     jobs: Annotated[int, arg(metavar="N")] = 0
     """processes, for a folder; 0 for one a core"""
 
+    def settings(self) -> Settings:
+        return replace(super().settings(), timeout=self.question_timeout)
+
     def run(self) -> int:
-        if self.timeout is not None and not self.timeout > 0:
+        if not self.timeout > 0:
             raise InputError(f"is {self.timeout:g} s; a positive number is needed", field="--timeout")
         if self.command_limit is not None and not self.command_limit >= 0:
             raise InputError(f"is {self.command_limit:g}; 0 or more is needed", field="--command-limit")
@@ -107,12 +113,12 @@ class Hold(Disturbances, QueryOptions, Saved):
         if Stop.INTERRUPTED in stops:
             return "It was interrupted; this is what was found so far."
         if Stop.TIME in stops:
-            option = "--time-limit" if self.timeout is None else "--timeout"
+            option = "--question-timeout" if self.timeout == float("inf") else "--timeout"
             found = answer.verdict is not Verdict.UNDECIDED
             what = "find a smaller preload, or say more of the margins" if found else "decide it"
             return f"The time ran out; a larger {option} may {what}."
         if Stop.NODES in stops:
-            return f"The node limit of {self.node_limit:g} was hit; a larger --node-limit may say more."
+            return f"The node limit of {self.nodes:g} was hit; a larger --nodes may say more."
         if answer.verdict is Verdict.UNDECIDED:
             return f"None of the preloads that were tried holds all loads; the last that failed was {answer.hardest}."
         return ""
@@ -164,7 +170,7 @@ class Hold(Disturbances, QueryOptions, Saved):
             if not isinstance(row.content, str):
                 return HeldGrasp(row.name, None, "is a posture; a grasp file is needed")
             grasp = self.changed(grasp_of_text(row.content, row.name, GraspChanges()), row.name)
-            options |= {"settings": replace(options["settings"], workers=1)}
+            options |= {"settings": replace(options["settings"], jobs=1)}
             return HeldGrasp(row.name, self._asked(grasp, row.name, options))
         except InputError as fault:
             return HeldGrasp(row.name, None, str(fault).removeprefix(f"{row.name}: "))

@@ -70,9 +70,9 @@ class Label(JointLawOptions, Command):
     """directions of forces among which the worst is sought"""
     gap: Annotated[float, arg(metavar="G")] = 1e-3
     """relative distance of the two bounds at which a number is exact enough"""
-    node_limit: Annotated[float | None, arg(metavar="N")] = None
+    nodes: Annotated[float | None, arg(metavar="N")] = None
     """nodes of the search for each question; by default 320000 over the square of the number of contacts"""
-    time_limit: Annotated[float, arg(metavar="S")] = 600.0
+    timeout: Annotated[float, arg(metavar="S")] = 600.0
     """seconds for all questions about a grasp: a fuse; nodes decide where a question stays open"""
     replay: bool = False
     """replay every proof with the independent checker, too: more than ten times as long"""
@@ -159,8 +159,8 @@ class Label(JointLawOptions, Command):
             **asked,
             directions=self.directions,
             gap=self.gap,
-            node_limit=self.node_limit,
-            time_limit=self.time_limit,
+            nodes=self.nodes,
+            timeout=self.timeout,
             replay=self.replay,
         )
 

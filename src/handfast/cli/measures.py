@@ -41,7 +41,7 @@ class MeasureGrasp(GraspOptions, Reported, Command):
     """largest torque (force) of an actuator, for the largest wrench and the smallest forces"""
     passive: bool = True
     """leave out the passive maxima, which are searches and may take seconds"""
-    node_limit: Annotated[float, arg(metavar="N")] = 1000
+    nodes: Annotated[float, arg(metavar="N")] = 1000
     """nodes of the search for each passive maximum"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
@@ -67,7 +67,7 @@ class MeasureGrasp(GraspOptions, Reported, Command):
                 force_limit=self.force_limit,
                 torque_limits=assigned(self.torque_limit, "--torque-limit"),
                 passive=self.passive,
-                settings=Settings(node_limit=self.node_limit, gap=GAP, verify=False),
+                settings=Settings(nodes=self.nodes, gap=GAP, verify=False),
             )
         except InputError as error:
             names = {"torque_limits": "torque_limit"}

@@ -205,9 +205,9 @@ class QueryOptions(GraspOptions, Reported):
     """largest normal force at any contact [N]"""
     gap: Annotated[float, arg(metavar="G")] = 1e-3
     """relative distance of the two bounds at which a number is exact enough"""
-    time_limit: Annotated[float, arg(metavar="S")] = float("inf")
+    timeout: Annotated[float, arg(metavar="S")] = float("inf")
     """seconds for a question (in a map or sweep: for each direction)"""
-    node_limit: Annotated[float, arg(metavar="N")] = float("inf")
+    nodes: Annotated[float, arg(metavar="N")] = float("inf")
     """nodes of the search for a question (in a map or sweep: for each direction)"""
     json: bool = False
     """print one JSON object instead of a table"""
@@ -221,11 +221,7 @@ class QueryOptions(GraspOptions, Reported):
     def settings(self) -> Settings:
         from handfast.stability.problem.settings import Settings
 
-        return Settings(
-            gap=self.gap,
-            time_limit=self.time_limit,
-            node_limit=self.node_limit,
-        )
+        return Settings(gap=self.gap, timeout=self.timeout, nodes=self.nodes)
 
     def options(self) -> dict[str, Any]:
         """Keyword arguments that all queries take."""

@@ -39,7 +39,7 @@ class Robust(Direction, GraspOptions, Reported):
     """how many grasps are drawn"""
     seed: Annotated[int, arg(metavar="S")] = 0
     """of the samples: the same seed gives the same grasps"""
-    time_limit: Annotated[float, arg(metavar="S")] = 10.0
+    timeout: Annotated[float, arg(metavar="S")] = 10.0
     """seconds for each grasp"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """picture (.png, .svg) or numbers (.json)"""
@@ -59,7 +59,7 @@ class Robust(Direction, GraspOptions, Reported):
         with console.watch("robust") as watch:
             found = sampled_maximum(
                 grasp, direction, bounds, samples=self.samples, seed=self.seed, base=self.base or None,
-                settings=Settings(time_limit=self.time_limit), on_progress=watch.item,
+                settings=Settings(timeout=self.timeout), on_progress=watch.item,
             )  # fmt: skip
         if self.output:
             save(found, self.output, force=self.force)

@@ -33,7 +33,7 @@ class Settle(GraspOptions, Load):
     """the most steps"""
     judge: bool = True
     """do not ask how much of the load the grasp at rest resists, nor simulate it"""
-    time_limit: Annotated[float, arg(metavar="S")] = 20.0
+    timeout: Annotated[float, arg(metavar="S")] = 20.0
     """seconds for each question about the grasps"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
     """write both grasps, the configuration at rest and the path"""
@@ -64,7 +64,7 @@ class Settle(GraspOptions, Load):
         with console.watch("settle") as watch:
             found = settle(
                 grasp, wrench, at=at, follow=self.follow, judge=self.judge, distance=self.distance, steps=self.steps,
-                settings=Settings(time_limit=self.time_limit),
+                settings=Settings(timeout=self.timeout),
                 on_progress=lambda share, moved: watch.say(f"{100 * share:.0f} % of the load, {1e3 * moved:.3g} mm"),
             )  # fmt: skip
         self._write(found)

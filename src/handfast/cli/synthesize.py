@@ -29,7 +29,7 @@ class Synthesize(Command):
     """of the random starts: the same seed gives the same configurations"""
     timeout: Annotated[float, arg(metavar="S")] = 60.0
     """seconds after start-up; inf: until it is answered"""
-    node_limit: Annotated[int | None, arg(metavar="N")] = None
+    nodes: Annotated[int | None, arg(metavar="N")] = None
     """boxes of the search for a contradiction"""
     resume: Annotated[Path | None, arg(metavar="FILE.json")] = None
     """go on from an undecided answer that --save wrote"""
@@ -64,7 +64,7 @@ class Synthesize(Command):
                 count=self.count,
                 seed=self.seed,
                 timeout=None if self.timeout == float("inf") else self.timeout,
-                nodes=self.node_limit,
+                nodes=self.nodes,
                 resume=self.resume,
                 on_progress=lambda progress: watch.say(synthesis_tables.progress_text(progress)),
             )

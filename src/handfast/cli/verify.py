@@ -31,7 +31,7 @@ class Verify(Command):
     """of a table of labels: what was labelled"""
     row: Annotated[UseAppendAction[tuple[int, ...]], arg(metavar="N")] = ()
     """of a table of labels: the number of a row, from 0; once for each; all unless given"""
-    time_limit: Annotated[float, arg(metavar="S")] = 60.0
+    question_timeout: Annotated[float, arg(metavar="S")] = 60.0
     """seconds for each question that is asked again"""
     timeout: Annotated[float, arg(metavar="S")] = float("inf")
     """seconds for all of them"""
@@ -47,8 +47,8 @@ class Verify(Command):
         start = time.monotonic()
         with console.watch("verify") as watch:
             done = verify(
-                self.result, replay=self.replay, dataset=self.dataset, rows=self.row, time_limit=self.time_limit,
-                timeout=self.timeout, on_progress=watch.item,
+                self.result, replay=self.replay, dataset=self.dataset, rows=self.row,
+                question_timeout=self.question_timeout, timeout=self.timeout, on_progress=watch.item,
             )  # fmt: skip
         data, seconds = stated(self.result), time.monotonic() - start
         again = question_tables.is_asked_again(data)

@@ -62,7 +62,7 @@ def passive_maxima(
     names, wrenches = chosen.axes()
     G = chosen.grasp_map(grasp)
     possible = np.array([beyond_range(G, u) is None for u in chosen.scaled(wrenches.T).T])
-    asked = settings or Settings(node_limit=NODES, gap=GAP, verify=False)
+    asked = settings or Settings(nodes=NODES, gap=GAP, verify=False)
     lower, upper = np.zeros(len(names)), np.zeros(len(names))
     if possible.any():
         found = max_many(grasp, wrenches[possible], settings=asked, jobs=jobs)

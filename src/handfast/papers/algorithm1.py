@@ -159,7 +159,7 @@ def refine(p: ScaledProblem, goal: Objective, settings: RefinementSettings) -> I
         clock = time.monotonic()
         edges = [s.edges() for s in sectors] if p.mdp else [polygon() for _ in p.mu]
         model = relaxation(p, goal, edges, settings.as_printed)
-        result = mixed_integer_solvers.solve(model.program, settings.solver, time_limit=deadline - clock)
+        result = mixed_integer_solvers.solve(model.program, settings.solver, timeout=deadline - clock)
         point = model.read(result.x) if result.x is not None else None
         to_refine: list[tuple[int, Sector]] = []
         width = 0.0

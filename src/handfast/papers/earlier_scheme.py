@@ -34,14 +34,14 @@ MOTIONS = 1e4  # (scaled) of object and joints, as in Algorithm 1
 
 
 def turn_scheme(
-    grasp: Grasp, wrench: object, *, edges: int = 8, turns: int = 50, solver: Solver = "scip", time_limit: float = INF
+    grasp: Grasp, wrench: object, *, edges: int = 8, turns: int = 50, solver: Solver = "scip", timeout: float = INF
 ) -> BaselineState:
     """The verdict on a load (6,) [N, N m], or (3,), a force; UNDECIDED if the turns do not end, or a program fails.
 
     Args:
         edges: of every pyramid; they end on the friction circle.
         turns: at most.
-        time_limit: [s] for each program.
+        timeout: [s] for each program.
 
     Raises:
         InputError: as `check`; no turn, or fewer than three edges; a solver that is not installed.
@@ -55,7 +55,7 @@ def turn_scheme(
     r, along, left = np.zeros(6), np.zeros(6), INF
     point: ScaledPoint | None = None
     for turn in range(1, turns + 1):
-        found = _nearest(p, r, along, edges, solver, time_limit)
+        found = _nearest(p, r, along, edges, solver, timeout)
         if found is None:
             return BaselineState.of(p, Verdict.UNDECIDED, point, left, turn)
         before, (point, along) = left, found
@@ -68,7 +68,7 @@ def turn_scheme(
 
 
 def _nearest(
-    p: ScaledProblem, r: Array, along: Array, edges: int, solver: Solver, time_limit: float
+    p: ScaledProblem, r: Array, along: Array, edges: int, solver: Solver, timeout: float
 ) -> tuple[ScaledPoint, Array] | None:
     """The point of one turn and the wrench (6,) that it leaves; None if its program is not solved."""
     m, l, a, k = p.sizes
@@ -108,7 +108,7 @@ def _nearest(
         P.row([(q, p.R[i]), (t, -1.0)], 0.0, 0.0)
         P.row([(f[i], 1.0), (slack, -1.0)], p.f_c[i], p.f_c[i])
         P.sos1.append([t, slack])
-    found = mixed_integer_solvers.solve(P, solver, time_limit=time_limit)
+    found = mixed_integer_solvers.solve(P, solver, timeout=timeout)
     if found.x is None or found.status is not SolverStatus.OPTIMAL:
         return None
     x = found.x

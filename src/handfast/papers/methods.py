@@ -198,7 +198,7 @@ def pyramids(grasp: Grasp, asked: MethodOptions) -> MethodAnswer:
 
 def earlier_scheme(grasp: Grasp, asked: MethodOptions) -> MethodAnswer:
     """The authors' earlier scheme in turns."""
-    limits: dict[str, Any] = {"solver": asked.solver, "time_limit": asked.settings.timeout}
+    limits: dict[str, Any] = {"solver": asked.solver, "timeout": asked.settings.timeout}
     return _baseline(turn_scheme(grasp, asked.one_load("earlier-scheme"), edges=asked.edges, **limits))
 
 

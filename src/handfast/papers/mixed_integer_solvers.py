@@ -33,7 +33,7 @@ def installed() -> Solver:
     raise InputError("none is installed; Algorithm 1 needs pip install 'handfast[reference]'", field="solver")
 
 
-def solve(program: MixedIntegerProgram, solver: Solver, *, time_limit: float = INF) -> SolverResult:
+def solve(program: MixedIntegerProgram, solver: Solver, *, timeout: float = INF) -> SolverResult:
     """Solve and check: a point that violates the program turns the status into FAILED.
 
     Raises:
@@ -44,20 +44,20 @@ def solve(program: MixedIntegerProgram, solver: Solver, *, time_limit: float = I
     if not available(solver):
         problem = f"'{solver}' is not installed; Algorithm 1 on it needs pip install 'handfast[reference]'"
         raise InputError(problem, field="solver")
-    if time_limit <= 0:
+    if timeout <= 0:
         return SolverResult(SolverStatus.TIME, None, -INF, 0)
     if solver == "scip":
         from handfast.papers import scip
 
-        result = scip.solve(program, time_limit)
+        result = scip.solve(program, timeout)
     else:
-        result = _on_gurobi(program, time_limit)
+        result = _on_gurobi(program, timeout)
     if result.x is not None and program.violation(result.x) > ACCEPTED:
         return SolverResult(SolverStatus.FAILED, result.x, result.bound, result.nodes)
     return result
 
 
-def _on_gurobi(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
+def _on_gurobi(program: MixedIntegerProgram, timeout: float) -> SolverResult:
     """By the stability paper's own solver; its wheel's size-limited licence suffices for most grasps.
 
     Raises:
@@ -68,7 +68,7 @@ def _on_gurobi(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
 
     try:
         with gurobipy.Env(params={"OutputFlag": 0}) as env, gurobipy.Model(env=env) as model:
-            return _optimised(model, program, time_limit)
+            return _optimised(model, program, timeout)
     except gurobipy.GurobiError as error:
         if error.errno in (GRB.Error.NO_LICENSE, GRB.Error.SIZE_LIMIT_EXCEEDED):
             size = f"{len(program.lower)} variables, {len(program.rows)} rows"
@@ -77,7 +77,7 @@ def _on_gurobi(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
         return SolverResult(SolverStatus.FAILED, None, -INF, 0)
 
 
-def _optimised(model: gurobipy.Model, program: MixedIntegerProgram, time_limit: float) -> SolverResult:
+def _optimised(model: gurobipy.Model, program: MixedIntegerProgram, timeout: float) -> SolverResult:
     import gurobipy
     from gurobipy import GRB
 
@@ -87,8 +87,8 @@ def _optimised(model: gurobipy.Model, program: MixedIntegerProgram, time_limit: 
     model.Params.DualReductions = 0  # so that infeasible and unbounded are told apart
     model.Params.PreSOS1BigM = 0  # sets are branched on, never turned into big-M rows
     model.Params.PreSOS2BigM = 0
-    if time_limit < INF:
-        model.Params.TimeLimit = time_limit
+    if timeout < INF:
+        model.Params.TimeLimit = timeout
     n = len(program.lower)
     cost = np.zeros(n)
     for i, v in program.cost.items():

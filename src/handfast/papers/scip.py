@@ -35,9 +35,9 @@ LADDER = ((0, 5_000), (1, 20_000), (2, 20_000), (None, 100_000), (0, None))
 FAILED = SolverResult(SolverStatus.FAILED, None, -INF, 0)
 
 
-def solve(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
+def solve(program: MixedIntegerProgram, timeout: float) -> SolverResult:
     """Minimise the program; see `mixed_integer_solvers.solve`."""
-    deadline = time.monotonic() + time_limit
+    deadline = time.monotonic() + timeout
     claims = 0
     for order, nodes in LADDER:
         result = attempt(program, deadline - time.monotonic(), order=order, nodes=nodes)
@@ -49,17 +49,17 @@ def solve(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
 
 
 def attempt(
-    program: MixedIntegerProgram, time_limit: float, *, order: int | None, nodes: int | None = None
+    program: MixedIntegerProgram, timeout: float, *, order: int | None, nodes: int | None = None
 ) -> SolverResult:
     """One solve, with native ordered sets in some order of variables, or with binaries (None).
 
     FAILED if SCIP's LP solver gives up, or after that many nodes.
     """
-    if time_limit <= 0:
+    if timeout <= 0:
         return SolverResult(SolverStatus.TIME, None, -INF, 0)
     with _ctrl_c() as pressed:
         try:
-            result = _solve(program, time_limit, order, nodes, pressed)
+            result = _solve(program, timeout, order, nodes, pressed)
         except Exception as error:  # SCIP reports a failed LP as a bare Exception
             if type(error) is not Exception:
                 raise
@@ -68,7 +68,7 @@ def attempt(
 
 
 def _solve(
-    program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list[bool]
+    program: MixedIntegerProgram, timeout: float, order: int | None, nodes: int | None, pressed: list[bool]
 ) -> SolverResult:
     model = Model()
     model.hideOutput()
@@ -80,8 +80,8 @@ def _solve(
         model.setParam("randomization/permutevars", True)
         model.setParam("randomization/permutationseed", order)
     model.includeEventhdlr(_Watch(pressed), "ctrl-c", "ends the solve when Ctrl-C was pressed")
-    if time_limit < INF:
-        model.setParam("limits/time", time_limit)
+    if timeout < INF:
+        model.setParam("limits/time", timeout)
     xs = [
         model.addVar(lb=None if lo == -INF else lo, ub=None if hi == INF else hi)
         for lo, hi in zip(program.lower, program.upper, strict=True)
@@ -108,7 +108,7 @@ def _solve(
         # presolving could not tell: without an objective there is nothing to be unbounded
         if program.cost:
             bare = MixedIntegerProgram(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
-            again = _solve(bare, time_limit, order, nodes, pressed)
+            again = _solve(bare, timeout, order, nodes, pressed)
             unbounded = again.status is SolverStatus.OPTIMAL
             return SolverResult(SolverStatus.UNBOUNDED if unbounded else again.status, again.x, -INF, again.nodes)
         name = "infeasible"

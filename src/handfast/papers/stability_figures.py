@@ -119,7 +119,7 @@ def fig4(options: MakingOptions) -> Figure:
     """1 N along +y without any preload, if friction need not oppose the motion: held by forces that create energy."""
     grasp, meshes = placed("fig1")
     bare = grasp.with_preload(None)
-    answer = whole(check(bare, UNHELD, mdp=False, settings=Settings(time_limit=options.timeout)))
+    answer = whole(check(bare, UNHELD, mdp=False, settings=Settings(timeout=options.timeout)))
     return draw_grasp(bare, answer.witness, meshes, count=2)
 
 
@@ -143,7 +143,7 @@ def fig5(options: MakingOptions) -> Figure:
 
 def force_maps(name: str, etas: tuple[float, ...], options: MakingOptions) -> Figure:
     """Figs 6, 8, 10: forces in the xy plane, without (blue) and with the preload (maroon), a panel for each eta."""
-    asked: dict[str, Any] = {"steps": options.steps or STEPS, "settings": Settings(time_limit=options.timeout)}
+    asked: dict[str, Any] = {"steps": options.steps or STEPS, "settings": Settings(timeout=options.timeout)}
     maps = [whole(force_map(load_grasp(name), "xy", limits=GraspLimits(eta), **asked)) for eta in etas]
     if len(maps) == 1:
         return draw_map(maps[0])
@@ -163,7 +163,7 @@ def force_maps(name: str, etas: tuple[float, ...], options: MakingOptions) -> Fi
 def fig12(options: MakingOptions) -> Figure:
     """The largest force along z and torque about x over the command of finger 3."""
     commands: Array = np.linspace(0, 0.1, options.steps or COMMANDS)
-    settings = Settings(time_limit=options.timeout)
+    settings = Settings(timeout=options.timeout)
     answer = sweep(load_grasp("fig11"), "finger_3_prox", commands, [FORCE_Z, MOMENT_X], settings=settings)
     return draw_sweep(whole(answer))
 

@@ -101,7 +101,7 @@ def table1(options: MakingOptions) -> TextTable:
     heads = ["sectors"]
     for eta in ETAS:
         heads += [f"paper [N], η {eta:g}°", "here [N]", "full [s]", "refined [s]"]
-    settings = Settings(time_limit=options.timeout)
+    settings = Settings(timeout=options.timeout)
     limits = [GraspLimits(np.radians(eta)) for eta in ETAS]
     exact = [whole(maximum(load_grasp("fig9"), DOWN, limits=each, settings=settings)) for each in limits]
     brackets = "; ".join(f"η {eta:g}°: {a.lower:.5f} to {a.upper:.5f} N" for eta, a in zip(ETAS, exact, strict=True))
@@ -236,7 +236,7 @@ def table2(options: MakingOptions) -> TextTable:
 
     With a solver, Algorithm 1 is timed beside the engine.
     """
-    count, settings = options.count or 3, Settings(time_limit=options.timeout)
+    count, settings = options.count or 3, Settings(timeout=options.timeout)
     task_questions(TWELVE[0])[0].ask(settings)  # loads machine code
     rows = []
     for name, printed in zip(TWELVE, PRINTED_2, strict=True):

@@ -139,7 +139,7 @@ def report_grasp(path: str | Path, answer: Grasps, which: int = 0, *, force: boo
         InputError: the file exists and `force` is not set, or cannot be written.
     """
     g, body = answer.grasps[which], answer.body
-    settings = Settings(node_limit=NODES)
+    settings = Settings(nodes=NODES)
     entries = [Entry(f"Does it hold “{name}”?", a) for name, a in zip(answer.loads.names, g.answer.checks, strict=True)]
     weight = None if body.mass is None else 9.81 * body.mass
     whole = force_map(g.grasp, plane_of(answer), steps=STEPS, at=body.center_of_mass, settings=settings)

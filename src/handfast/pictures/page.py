@@ -197,8 +197,8 @@ def _grasp_section(grasp: Grasp, meshes: Sequence[Mesh], *, draw: bool) -> str:
 
 
 def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
-    limit = f"{num(settings.time_limit)} s" if np.isfinite(settings.time_limit) else "none"
-    nodes = num(settings.node_limit) if np.isfinite(settings.node_limit) else "none"
+    limit = f"{num(settings.timeout)} s" if np.isfinite(settings.timeout) else "none"
+    nodes = num(settings.nodes) if np.isfinite(settings.nodes) else "none"
     etas = sorted({float(np.degrees(e.eta)) for e in entries}) or [0.0]
     versions = f"handfast {_version('handfast')}, Python {platform.python_version()}, numpy {np.__version__}"
     rows = [["gap of the bounds", f"{num(100 * settings.gap)} %"], ["time limit per question", limit]]

@@ -169,10 +169,10 @@ def reason(answer: Answer, settings: Settings) -> str:
         case Stop.COMPLETE:
             return ""
         case Stop.TIME:
-            limit = num(settings.time_limit)
-            return f"The time limit of {limit} s was hit; a larger --time-limit may decide it."
+            limit = num(settings.timeout)
+            return f"The time limit of {limit} s was hit; a larger --timeout may decide it."
         case Stop.NODES:
-            return f"The node limit of {num(settings.node_limit)} was hit; a larger --node-limit may decide it."
+            return f"The node limit of {num(settings.nodes)} was hit; a larger --nodes may decide it."
         case Stop.INTERRUPTED:
             return "It was interrupted; these are the bounds so far."
         case _ if answer.verdict is Verdict.HOLDS:

@@ -41,7 +41,7 @@ MOST_STEPS = 2000
 COMMANDS, LOADS = 4, 20  # equal parts in which commands and load come
 RESTING = 3  # whole steps in a row at the full load that move nothing
 SLID = 2.0  # steps' worth of the longest step: a part of the load that moves it farther made it slip
-LIMIT = Settings(time_limit=20.0)
+LIMIT = Settings(timeout=20.0)
 OFF = 1e-3  # [m] a contact of the file with none of the shapes' so near is told of
 
 OnPath = Callable[[float, float], None]

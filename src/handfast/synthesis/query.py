@@ -67,7 +67,7 @@ def synthesize(
     seed: int = 0,
     timeout: float | None = 60.0,
     nodes: int | None = None,
-    workers: int = 2,
+    jobs: int = 2,
     resume: Synthesis | str | Path | None = None,
     on_progress: OnStep | None = None,
 ) -> Synthesis:
@@ -78,7 +78,7 @@ def synthesize(
         seed: of the random starts; the same seed finds the same configurations.
         timeout: [s] after start-up; None searches until the question is answered.
         nodes: boxes of the search for a contradiction in this call; None: any number.
-        workers: threads of that search.
+        jobs: cores of that search.
         resume: an UNDECIDED answer or its file, to go on from; its seed is taken over.
         on_progress: called while it runs.
 
@@ -86,12 +86,12 @@ def synthesize(
         InputError: count, seed or a limit out of range; limits and couplings that leave nothing; an answer
             to resume that is of another task, or not undecided.
     """
-    _refuse_numbers(count, seed, timeout, nodes, workers)
+    _refuse_numbers(count, seed, timeout, nodes, jobs)
     limits = SearchLimits(timeout, nodes)
     state = _state_of(task, resume) if resume is not None else {}
     with limits.paused():  # it compiles
         starts = Starts(TaskProblem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
-    run = _Run(starts, count, limits, workers, state.get("prover") or None, on_progress)
+    run = _Run(starts, count, limits, jobs, state.get("prover") or None, on_progress)
     try:
         run.search()
     except KeyboardInterrupt:
@@ -107,12 +107,12 @@ class _Run:
         starts: Starts,
         count: int,
         limits: SearchLimits,
-        workers: int,
+        jobs: int,
         state: dict[str, Any] | None,
         on_progress: OnStep | None,
     ) -> None:
         self.starts, self.problem, self.count = starts, starts.problem, count
-        self.limits, self.workers, self.on_progress = limits, workers, on_progress
+        self.limits, self.jobs, self.on_progress = limits, jobs, on_progress
         self.state = state
         self.pool: list[Certified] = []
         self.chosen: list[Certified] = []
@@ -171,7 +171,7 @@ class _Run:
             return
         from handfast.synthesis.search.prover import Prover
 
-        prover, turn, last = Prover(self.problem, workers=self.workers), 0.0, LAST
+        prover, turn, last = Prover(self.problem, workers=self.jobs), 0.0, LAST
         if self.state:
             _restore(prover, self.state)
         self.prover, begin = prover, prover.nodes
@@ -245,8 +245,8 @@ class _Run:
         self.on_progress(SynthesisProgress(self.starts.count, len(self.pool), wanted, *far))
 
 
-def _refuse_numbers(count: int, seed: int, timeout: float | None, nodes: int | None, workers: int) -> None:
-    for name, value, least in (("count", count, 1), ("seed", seed, 0), ("workers", workers, 1), ("nodes", nodes, 1)):
+def _refuse_numbers(count: int, seed: int, timeout: float | None, nodes: int | None, jobs: int) -> None:
+    for name, value, least in (("count", count, 1), ("seed", seed, 0), ("jobs", jobs, 1), ("nodes", nodes, 1)):
         if value is not None and value < least:
             raise InputError(f"is {value}; a number from {least} on is needed", field=name)
     if timeout is not None and not timeout > 0:

@@ -21,7 +21,7 @@ from handfast.datasets.labels.labeller import Labelling
 from handfast.datasets.labels.part_folder import PartFolder, folder_of
 from tests.support.labelled import broken_rows, fixture, heavy, write_lines
 
-LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), node_limit=300)
+LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), nodes=300)
 COURSE = {c.name for c in COLUMNS if c.course}
 
 

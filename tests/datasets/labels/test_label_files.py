@@ -15,7 +15,7 @@ from handfast.datasets.labels.label_summary import KEPT, LabelSummary, edges
 from handfast.datasets.labels.labeller import Labelling
 from tests.support.labelled import fixture, heavy, write_lines
 
-LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), node_limit=300)
+LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), nodes=300)
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from handfast.datasets.labels.part_folder import folder_of
 from handfast.datasets.open_dataset import open_dataset
 from tests.support.labelled import fixture, heavy, write_lines
 
-LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), node_limit=300)
+LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), nodes=300)
 
 
 @pytest.fixture

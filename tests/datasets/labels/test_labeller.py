@@ -99,13 +99,13 @@ def test_what_no_forces_can_balance_is_not_resisted() -> None:
 
 
 def test_without_a_mass_nothing_is_said_of_the_weight() -> None:
-    said = label(from_dict({k: v for k, v in heavy().items() if k != "mass"}), Labelling(directions=1, node_limit=300))
+    said = label(from_dict({k: v for k, v in heavy().items() if k != "mass"}), Labelling(directions=1, nodes=300))
     assert "verdict" not in said
     assert said["max_plus_fy"] == pytest.approx(2.222, abs=5e-3)  # by hand, see `planar`
 
 
 def test_a_limit_of_nodes_leaves_questions_open_and_says_so(grasp: Grasp) -> None:
-    said = label(grasp, Labelling(directions=2, node_limit=1))
+    said = label(grasp, Labelling(directions=2, nodes=1))
     assert said["open"] > 0
     assert said["stop"] == "nodes"
 
@@ -121,7 +121,7 @@ def test_a_weight_that_is_held_is_a_bound_where_the_search_found_less(monkeypatc
 
 def test_the_time_of_a_grasp_has_an_end() -> None:
     heavy_one = random_case(6, 4).grasp.about(mass=MASS, center_of_mass=(0.01, 0, -0.02))  # takes thousands of nodes
-    said = label(heavy_one, Labelling(directions=2, time_limit=1e-4))
+    said = label(heavy_one, Labelling(directions=2, timeout=1e-4))
     assert said["stop"] == "time"
     assert said["status"] == "labelled"
 
@@ -146,7 +146,7 @@ def test_columns_are_named_once_and_all_there() -> None:
         ({"gravity": ((0, 0, 0),)}, "gravity: is zero"),
         ({"gravity": ()}, "gravity: is empty"),
         ({"directions": 0}, "directions: is 0; at least 1"),
-        ({"time_limit": float("inf")}, "time limit: is inf"),
+        ({"timeout": float("inf")}, "timeout: is inf"),
         ({"gap": 0.0}, "gap: is 0; a positive"),
     ],
 )

@@ -23,7 +23,7 @@ from handfast.geometry.contacts import contact_grasp
 from handfast.readers.configuration_file import load_configuration
 from tests.support.published import tiny
 
-LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), node_limit=300)
+LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), nodes=300)
 
 
 @pytest.fixture(scope="module")

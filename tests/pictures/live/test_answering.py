@@ -18,7 +18,7 @@ from tests.support.viewed import jaws, replies, until
 
 
 def test_stages_end_in_the_numbers_found_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answering, "OF_MAP", replace(answering.OF_MAP, time_limit=math.inf))
+    monkeypatch.setattr(answering, "OF_MAP", replace(answering.OF_MAP, timeout=math.inf))
     state = ViewState.of(jaws()).with_plane("yz").pulled([0, 0, -9.0])
     told = replies(state)
     first, last = told[0], told[-1]

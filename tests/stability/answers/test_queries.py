@@ -130,7 +130,7 @@ def test_largest_torque() -> None:
 def test_limits_do_not_hold_what_slips_without_them(limits) -> None:
     """Nothing presses without a preload: any force across slips, along the fingers 0.3 / 0.1 N or 5 N are carried."""
     bare = pinch().with_preload(None)
-    answer = maximum(bare, w(0, 1, 0), settings=Settings(node_limit=1000), limits=limits)
+    answer = maximum(bare, w(0, 1, 0), settings=Settings(nodes=1000), limits=limits)
     assert (answer.verdict, answer.lower, answer.upper) == (Verdict.SLIPS, 0.0, 0.0)
     assert answer.stop is Stop.COMPLETE
     assert answer.verified
@@ -240,9 +240,9 @@ def test_laws_of_the_maximum(seed: int) -> None:
     ("field", "value", "message"),
     [
         ("gap", 0.0, "gap: is 0; a positive number"),
-        ("time_limit", -1.0, "time limit: is -1 s; a positive number"),
-        ("node_limit", 0, "node limit: is 0; a positive number"),
-        ("workers", 3, "workers: is 3; 1 or 2"),
+        ("timeout", -1.0, "timeout: is -1 s; a positive number"),
+        ("nodes", 0, "nodes: is 0; a positive number"),
+        ("jobs", 3, "jobs: is 3; 1 or 2"),
     ],
 )
 def test_settings_are_checked(field: str, value: object, message: str) -> None:
@@ -290,7 +290,7 @@ def sideways(degrees: float) -> np.ndarray:
 @pytest.mark.parametrize("degrees", [15, 60, 75])
 def test_the_number_of_threads_changes_nothing(degrees: float) -> None:
     grasp = load_grasp("barrett-torch")
-    one, two = (maximum(grasp, sideways(degrees), settings=Settings(workers=k)) for k in (1, 2))
+    one, two = (maximum(grasp, sideways(degrees), settings=Settings(jobs=k)) for k in (1, 2))
     assert two.nodes > 300  # enough to be dealt
     assert (one.lower, one.upper, one.nodes, one.stop) == (two.lower, two.upper, two.nodes, two.stop)
     for field in ("r", "q", "c", "f"):
@@ -304,7 +304,7 @@ def test_the_number_of_threads_changes_nothing(degrees: float) -> None:
 def test_bounds_of_two_lanes_at_a_limit_are_proved(nodes: int) -> None:
     """To a gap of 1e-6 it is 9.6812 N."""
     grasp = load_grasp("barrett-torch")
-    answer = maximum(grasp, sideways(60), settings=Settings(workers=2, node_limit=nodes, gap=1e-9))
+    answer = maximum(grasp, sideways(60), settings=Settings(jobs=2, nodes=nodes, gap=1e-9))
     assert answer.stop is Stop.NODES
     assert answer.lower <= 9.68129
     assert answer.upper >= 9.68117
@@ -315,7 +315,7 @@ def test_bounds_of_two_lanes_at_a_limit_are_proved(nodes: int) -> None:
 def test_ctrl_c_comes_while_lanes_are_searched(workers: int, run: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Within compiled code: the first run has one lane alone, later ones have two."""
     interrupt(monkeypatch, "handfast.stability.search.search.Search._run", run)
-    settings = Settings(workers=workers, gap=1e-9)
+    settings = Settings(jobs=workers, gap=1e-9)
     answer = maximum(load_grasp("barrett-torch"), sideways(60), settings=settings)
     assert answer.stop is Stop.INTERRUPTED
     assert answer.lower <= 9.68129
@@ -341,7 +341,7 @@ def test_ctrl_c_comes_while_one_lane_waits_for_the_other(monkeypatch: pytest.Mon
             return found
 
     monkeypatch.setattr(search, "helpers", lambda: SimpleNamespace(submit=Waiting))
-    settings = Settings(workers=2, gap=1e-9)
+    settings = Settings(jobs=2, gap=1e-9)
     answer = maximum(load_grasp("barrett-torch"), sideways(60), settings=settings)
     assert answer.stop is Stop.INTERRUPTED
     assert len(begun) == len(ended) == 1
@@ -383,7 +383,7 @@ def test_what_holds_beyond_the_usual_end_only_is_found() -> None:
 @pytest.mark.parametrize("wrench", [[0, 1, 0, 0, 0, 0], [0, 0, -1, 0, 0, 0], [0, 0, 0, 0, 0.1, 0]])
 def test_without_dissipation_two_workers_answer(wrench: list[float]) -> None:
     """Where any state is sought, and no energy is bounded, there is no number at which nodes are cut off."""
-    quick = Settings(workers=2)
+    quick = Settings(jobs=2)
     answer = queries.check(load_grasp("fig11"), wrench, mdp=False, settings=quick)
     assert answer.verdict is not Verdict.UNDECIDED
     assert answer.verify().ok

@@ -13,7 +13,7 @@ from handfast.stability.answers import check, maximum, torques
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.settings import Settings
 
-UP, ONE = [0, 1, 0, 0, 0, 0], Settings(workers=1)
+UP, ONE = [0, 1, 0, 0, 0, 0], Settings(jobs=1)
 
 
 def spoilt(answer: Answer) -> Answer:

@@ -134,7 +134,7 @@ def test_on_the_command_line(tmp_path: Path, monkeypatch, capsys: pytest.Capture
     assert main(["check", "bell.json", "--wrench", "0", "1", "0", "--save", "a.txt"]) == 2
     assert "a.txt: a name that ends in .json is needed" in capsys.readouterr().err
 
-    assert main(["check", "bell.json", "--wrench", "0", "2.3", "0", "--node-limit", "1", "--save", "open.json"]) == 3
+    assert main(["check", "bell.json", "--wrench", "0", "2.3", "0", "--nodes", "1", "--save", "open.json"]) == 3
     assert main(["verify", "open.json"]) == 0
     assert "NOTHING CLAIMED  check of bell: UNDECIDED, stop nodes" in capsys.readouterr().out
 

@@ -67,7 +67,7 @@ def test_a_constructed_solution_that_is_not_found(case: tuple[int, float, bool, 
 
 def resists(m: int, eta: float, stick: bool, seed: int, *, nodes: float) -> None:
     s = solved(seed, m, eta, stick)
-    answer = check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=Settings(node_limit=nodes))
+    answer = check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=Settings(nodes=nodes))
     assert answer.verdict is Verdict.HOLDS
     assert answer.witness.residuals.worst <= 1e-9
     np.testing.assert_allclose(answer.witness.wrench, s.wrench, rtol=1e-12, atol=1e-12)
@@ -147,7 +147,7 @@ def test_a_limit_that_nothing_comes_near_is_left_out() -> None:
 # --- limits ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("limit", "stop"), [({"time_limit": 1e-6}, Stop.TIME), ({"node_limit": 1}, Stop.NODES)])
+@pytest.mark.parametrize(("limit", "stop"), [({"timeout": 1e-6}, Stop.TIME), ({"nodes": 1}, Stop.NODES)])
 def test_a_limit_leaves_it_undecided(limit: dict, stop: Stop) -> None:
     settings = Settings(gap=1e-12, **limit)
     grasp, wrench, limits = hard()
@@ -165,9 +165,9 @@ def test_a_limit_leaves_it_undecided(limit: dict, stop: Stop) -> None:
 @pytest.mark.parametrize("nodes", [3, 10, 30, 100, 300])
 def test_bounds_at_a_node_limit_are_true_and_proved(nodes: int) -> None:
     for answer, exact in (
-        (maximum(bell(), w(0, 1, 0), settings=Settings(node_limit=nodes, gap=1e-9)), 0.2 / 0.09),
-        (maximum(table(), w(1, 0, 0), base=w(0, 0, -10), settings=Settings(node_limit=nodes, gap=1e-9)), 4.0),
-        (torques(bell(), w(0, 1, 0), settings=Settings(node_limit=nodes, gap=1e-9)), 0.045),
+        (maximum(bell(), w(0, 1, 0), settings=Settings(nodes=nodes, gap=1e-9)), 0.2 / 0.09),
+        (maximum(table(), w(1, 0, 0), base=w(0, 0, -10), settings=Settings(nodes=nodes, gap=1e-9)), 4.0),
+        (torques(bell(), w(0, 1, 0), settings=Settings(nodes=nodes, gap=1e-9)), 0.045),
     ):
         assert answer.lower <= exact * (1 + 1e-9)
         assert answer.upper >= exact * (1 - 1e-9)
@@ -206,10 +206,10 @@ def test_what_is_left_unresolved_is_searched_more_finely(
     monkeypatch.setattr(engine, "_search", search)
     monkeypatch.setattr(engine, "_to_cap", lambda beside, goal, settings, limits, found: found)
     p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
-    out = engine.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100))
+    out = engine.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, nodes=100))
     assert (out.stop, out.value, out.bound) == expected
     assert [s.gap for s in asked] == pytest.approx(gaps)
-    assert [s.node_limit for s in asked] == [100 - 10 * k for k in range(len(gaps))]
+    assert [s.nodes for s in asked] == [100 - 10 * k for k in range(len(gaps))]
     assert out.nodes == sum(row[3] if len(row) > 3 else 10 for row in found)
 
 
@@ -224,7 +224,7 @@ def test_what_is_left_unresolved_when_the_time_is_over_stays_open_for_want_of_it
 
     monkeypatch.setattr(engine, "_search", search)
     p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
-    assert engine.search(p, SMALLEST_PRELOAD, Settings(time_limit=1e-9)).stop is Stop.TIME
+    assert engine.search(p, SMALLEST_PRELOAD, Settings(timeout=1e-9)).stop is Stop.TIME
     assert len(asked) == 1
 
 
@@ -235,7 +235,7 @@ def test_progress_has_falling_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a maximum that takes some ten thousand nodes: ten contacts, and an end that is no state's."""
     monkeypatch.setattr(engine, "PAUSE", -INF)  # every slice is reported, however quick
     seen = []
-    settings = Settings(gap=1e-9, node_limit=8000, workers=1, verify=False)
+    settings = Settings(gap=1e-9, nodes=8000, jobs=1, verify=False)
     answer = maximum(random_case(10, 1).grasp, w(0, 0, 1), settings=settings, on_progress=seen.append)
     assert len(seen) > 3
     assert all(p.lower <= p.upper for p in seen)

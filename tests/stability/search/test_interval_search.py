@@ -167,7 +167,7 @@ def test_a_hole_by_hand(push: float, weight: float) -> None:
 
 def test_what_a_time_limit_leaves_is_said(holed: tuple[Grasp, np.ndarray, MaxAnswer]) -> None:
     answer = holed[2]
-    settings = Settings(time_limit=1e-6)
+    settings = Settings(timeout=1e-6)
     left = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
     assert left.unproved == ((0.0, answer.lower),)
     assert (left.holds_from_zero_to, left.holes) == (0.0, ())

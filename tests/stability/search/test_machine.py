@@ -54,7 +54,7 @@ def answers() -> list[tuple[float, float, int]]:
     for seed in range(8):
         s = solved(seed, 3 + seed % 4, 0.05 * (seed % 2))
         if s.wrench.any():
-            out.append(maximum(s.grasp, s.wrench, limits=GraspLimits(eta=s.eta), settings=Settings(node_limit=3000)))
+            out.append(maximum(s.grasp, s.wrench, limits=GraspLimits(eta=s.eta), settings=Settings(nodes=3000)))
     directions = [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)]
     many = max_many(bell(), directions, jobs=1)
     limited = max_many(bell(), directions, limits=GraspLimits(force_limit=5.0), jobs=1)

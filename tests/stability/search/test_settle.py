@@ -17,7 +17,7 @@ from handfast.stability.search.kernel import tree
 from handfast.stability.search.reduced import reduce
 from handfast.stability.search.search import Search
 
-QUICK = Settings(verify=False, workers=1)
+QUICK = Settings(verify=False, jobs=1)
 
 
 @pytest.fixture(scope="module")

@@ -38,7 +38,7 @@ def test_a_node_limit_holds_for_every_row() -> None:
     """What the kernel does not finish within the limit is undecided, and says so; without a limit all are decided."""
     g = solved(4, 8).grasp
     W = loads(g, 8, seed=3)
-    free, limited = (max_many(g, W, settings=Settings(verify=False, node_limit=n)) for n in (np.inf, 3.0))
+    free, limited = (max_many(g, W, settings=Settings(verify=False, nodes=n)) for n in (np.inf, 3.0))
     assert set(free.stop) == {"complete"}
     assert (free.upper - free.lower <= 2e-3 * free.upper).all()
     stopped = limited.stop == "nodes"
@@ -140,13 +140,13 @@ def test_what_slips_at_every_magnitude_is_told_together(g: Grasp, monkeypatch: p
 def test_a_check_beyond_its_limit_of_nodes_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
     g = solved(4, 8).grasp
     W = 2 * loads(g, 20, seed=3)
-    limited = check_many(g, W, settings=Settings(verify=False, node_limit=3.0), jobs=1)
+    limited = check_many(g, W, settings=Settings(verify=False, nodes=3.0), jobs=1)
     stopped = limited.stop == "nodes"
     assert stopped.any()
     assert (limited.verdict[stopped] == "undecided").all()
     assert not limited.verified[stopped].any()
     monkeypatch.setattr(batch, "_alone", lambda *given: pytest.fail("asked again"))
-    check_many(g, W[stopped], settings=Settings(verify=False, node_limit=3.0), jobs=1)
+    check_many(g, W[stopped], settings=Settings(verify=False, nodes=3.0), jobs=1)
 
 
 def test_shapes_of_several_grasps() -> None:

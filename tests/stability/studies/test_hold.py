@@ -139,7 +139,7 @@ def test_uncertain_normals_are_asked_about_throughout(eta: float) -> None:
 def test_a_limit_that_is_hit_is_undecided() -> None:
     a = hold(pinch(), forces(0.5 * Y), timeout=1e-9)
     assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.TIME, None)
-    nodes = hold(pinch(), forces(0.5 * Y, 0.2 * Z), settings=Settings(node_limit=1))
+    nodes = hold(pinch(), forces(0.5 * Y, 0.2 * Z), settings=Settings(nodes=1))
     assert (nodes.verdict, nodes.stop, nodes.preload, nodes.checks) == (Verdict.UNDECIDED, Stop.NODES, None, ())
 
 
@@ -314,8 +314,8 @@ def test_queries_have_a_share_of_the_time_that_is_left(monkeypatch: pytest.Monke
 
     def slow(work: Callable[..., Any]) -> Callable[..., Any]:
         def asked(*args: Any, **options: Any) -> Any:
-            seconds = options["settings"].time_limit
-            answer = work(*args, **options | {"settings": Settings(node_limit=1)})
+            seconds = options["settings"].timeout
+            answer = work(*args, **options | {"settings": Settings(nodes=1)})
             clock.now += seconds
             given.append(seconds)
             open_ = {"verdict": Verdict.UNDECIDED, "stop": Stop.TIME}
@@ -340,7 +340,7 @@ def test_time_is_kept_for_margins(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[float] = []
 
     def counted(*args: Any, **options: Any) -> Any:
-        given.append(options["settings"].time_limit)
+        given.append(options["settings"].timeout)
         return maximum(*args, **options)
 
     def late(*args: Any, **options: Any) -> Any:
@@ -361,10 +361,10 @@ def test_time_is_kept_for_margins(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_nothing_goes_on_after_the_end(ask: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a clock that moves by a tenth of a second with every look, and with a hand of 22 joints."""
     grasp = drawn(5, 2)
-    check(grasp, PULL, settings=Settings(node_limit=1))  # loads what is compiled
+    check(grasp, PULL, settings=Settings(nodes=1))  # loads what is compiled
     clock = Clock(0.1)
     monkeypatch.setattr("time.monotonic", clock)
-    settings = Settings(time_limit=3.0)
+    settings = Settings(timeout=3.0)
     answer: Any
     match ask:
         case "check":

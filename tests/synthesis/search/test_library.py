@@ -23,7 +23,7 @@ from handfast.synthesis.task_problem import TaskProblem
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.prover import Prover
 task = load_task("scalpel-handling")
-assert synthesize(task, count=2, workers=1).solutions
+assert synthesize(task, count=2, jobs=1).solutions
 assert Prover(TaskProblem.of(task), workers=1).run(nodes=10).nodes >= 10
 print([name for name in ("numba", "handfast.core.compiled") if name in sys.modules])
 """

@@ -32,9 +32,9 @@ class Labelling:
         directions: how many directions of forces the worst is sought among, spread evenly over the sphere.
         g: [m/s^2].
         gap: relative distance of the two bounds at which a number is exact enough.
-        node_limit: of each question, `ALL` times it for all questions about a grasp: what decides where one stays open,
+        nodes: of each question, `ALL` times it for all questions about a grasp: what decides where one stays open,
             so that labels do not hang on the clock. None: `NODES` over the square of the contacts.
-        time_limit: [s] of a grasp, for all its questions: a fuse.
+        timeout: [s] of a grasp, for all its questions: a fuse.
         replay: replay every proof with the independent checker. States are checked in any case; that a load slips, and
             upper bounds, then rest on the search's word. It takes more than ten times as long.
     """
@@ -43,8 +43,8 @@ class Labelling:
     directions: int = 32
     g: float = 9.81
     gap: float = 1e-3
-    node_limit: float | None = None
-    time_limit: float = TIME_LIMIT
+    nodes: float | None = None
+    timeout: float = TIME_LIMIT
     replay: bool = False
 
     def __post_init__(self) -> None:
@@ -57,16 +57,16 @@ class Labelling:
             raise InputError(f"is {self.directions}; at least 1 is needed", field="directions")
         if not (np.isfinite(self.g) and self.g > 0):
             raise InputError(f"is {self.g:g}; a number above 0 is needed", field="g")
-        if self.node_limit is not None and not np.isfinite(self.node_limit):
-            raise InputError("is not finite; a number above 0 is needed", field="node limit")
-        if not (np.isfinite(self.time_limit) and self.time_limit > 0):
-            raise InputError(f"is {self.time_limit:g} s; a number above 0 is needed", field="time limit")
+        if self.nodes is not None and not np.isfinite(self.nodes):
+            raise InputError("is not finite; a number above 0 is needed", field="nodes")
+        if not (np.isfinite(self.timeout) and self.timeout > 0):
+            raise InputError(f"is {self.timeout:g} s; a number above 0 is needed", field="timeout")
         self.settings(1)
 
     def settings(self, contacts: int) -> Settings:
         """Of each question about a grasp, but for its time. One thread: cores are for grasps."""
-        nodes = NODES / contacts**2 if self.node_limit is None else self.node_limit
-        return Settings(gap=self.gap, node_limit=nodes, workers=1, verify=self.replay)
+        nodes = NODES / contacts**2 if self.nodes is None else self.nodes
+        return Settings(gap=self.gap, nodes=nodes, jobs=1, verify=self.replay)
 
     def to_json(self) -> dict[str, Any]:
         """As files have it: with the directions written out."""
@@ -76,8 +76,8 @@ class Labelling:
             "directions": spread(self.directions).tolist(),
             "g": self.g,
             "gap": self.gap,
-            "node_limit": self.node_limit,
-            "time_limit": self.time_limit,
+            "nodes": self.nodes,
+            "timeout": self.timeout,
             "replay": self.replay,
         }
 
@@ -94,7 +94,7 @@ def label(grasp: Grasp, labelling: Labelling) -> dict[str, Any]:
     """The label of a grasp: values by column, those of the row and of the dataset left out."""
     start = time.perf_counter()
     settings = labelling.settings(grasp.m)
-    ask = Questions(grasp, settings, labelling.time_limit, ALL * settings.node_limit)
+    ask = Questions(grasp, settings, labelling.timeout, ALL * settings.nodes)
     center = center_of(grasp)
     axes, forces = _axes(ask, center)
     out = described_grasp(grasp) | axes

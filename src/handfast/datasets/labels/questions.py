@@ -147,7 +147,7 @@ class Questions:
         loads, found = Loads(tuple(str(k) for k in range(len(wrenches))), np.array(wrenches)), Verdict.UNDECIDED
         for motors in dict.fromkeys((own, free)):
             settings = self._limited(len(wrenches))
-            timeout = len(wrenches) * settings.time_limit
+            timeout = len(wrenches) * settings.timeout
             answer = hold(self.grasp, loads, actuators=motors, least=False, settings=settings, timeout=timeout)
             self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
             found = answer.verdict
@@ -166,7 +166,7 @@ class Questions:
         """The settings with an equal share of the time that is left, and of the nodes if these are fewer."""
         left = (self.seconds - (time.monotonic() - self._begin)) / max(count, 1)
         nodes = max((self.budget - self.nodes) / max(count, 1), FEWEST)
-        return replace(self.settings, time_limit=max(left, LEAST), node_limit=min(self.settings.node_limit, nodes))
+        return replace(self.settings, timeout=max(left, LEAST), nodes=min(self.settings.nodes, nodes))
 
     def _count_row(self, found: BatchAnswer, i: int, closed: bool) -> None:
         if found.error[i]:  # questions that cannot be asked were left out before: Ctrl-C came first

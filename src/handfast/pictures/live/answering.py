@@ -25,8 +25,8 @@ from handfast.stability.studies.maps import Curve
 DIRECTIONS = 72  # of a map
 ROUNDS = 0, 3, 1, 5, 2, 4  # each asks every sixth direction from there on: at first a coarse map all around
 PATIENCE = 1.0  # [s] after which a verdict that nobody waits for any more is given up
-QUICK = Settings(gap=1e-2, verify=False, time_limit=20.0, workers=1)  # proofs are replayed when the page is at rest
-OF_MAP = Settings(gap=3e-3, verify=False, time_limit=0.5, workers=1)
+QUICK = Settings(gap=1e-2, verify=False, timeout=20.0, jobs=1)  # proofs are replayed when the page is at rest
+OF_MAP = Settings(gap=3e-3, verify=False, timeout=0.5, jobs=1)
 Indices = NDArray[np.intp]
 
 

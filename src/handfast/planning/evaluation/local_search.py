@@ -28,7 +28,7 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, moderate
 from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks
 
-SETTINGS = Settings(node_limit=4000)  # nodes, not seconds: the same seed finds the same grasps
+SETTINGS = Settings(nodes=4000)  # nodes, not seconds: the same seed finds the same grasps
 RAW = 16  # certified random starts of a unit
 IMPROVED = 3  # of them, those with the least cost are improved
 STEPS = 40  # rounds of steps that one may take

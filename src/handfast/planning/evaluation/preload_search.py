@@ -129,17 +129,17 @@ class PreloadSearch:
 
 def settings_for(grasp: Grasp) -> Settings:
     """Of a query about a grasp, where none were stated."""
-    return Settings(node_limit=NODES / grasp.m**2)
+    return Settings(nodes=NODES / grasp.m**2)
 
 
 def bounding_settings_for(grasp: Grasp) -> Settings:
     """Of a query for the least commands of a grasp, where none were stated."""
-    return Settings(node_limit=BOUNDING / grasp.m**3, verify=False)
+    return Settings(nodes=BOUNDING / grasp.m**3, verify=False)
 
 
 def checking_settings_for(grasp: Grasp) -> Settings:
     """Of a query under a preload that is known, where none were stated."""
-    return Settings(node_limit=max(CHECKED, NODES / grasp.m**2), verify=False)
+    return Settings(nodes=max(CHECKED, NODES / grasp.m**2), verify=False)
 
 
 def held(grasp: Grasp, loads: Loads, limits: PlanLimits, settings: Settings, **how: Any) -> HoldAnswer:

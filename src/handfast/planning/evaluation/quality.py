@@ -78,7 +78,7 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
         left = min(until - time.monotonic(), PATIENCE) / (len(asked) - k)
         if left <= 0:
             return answer
-        settings = limits.settings or replace(settings_for(grasp), gap=GAP, time_limit=left)
+        settings = limits.settings or replace(settings_for(grasp), gap=GAP, timeout=left)
         found[name] = maximum(grasp, w, settings=settings, limits=limits.of_a_load)
         if found[name].stop is Stop.INTERRUPTED:
             raise KeyboardInterrupt

@@ -18,10 +18,10 @@ class Settings:
     Attributes:
         gap: relative distance between witnessed and certified bound at which a maximum or an optimal
             torque is precise enough.
-        time_limit: [s] for one query.
-        node_limit: for one query.
-        workers: threads for one question, 1 or 2; 0 takes two where there are two cores. They change
-            nothing but the time.
+        timeout: [s] for one query.
+        nodes: for one query.
+        jobs: cores for one question, 1 or 2; 0 takes two where there are two. They change nothing but the
+            time.
         verify: replay every proof with the independent checker before it is answered; what does not
             pass is searched again more finely. Many questions are quicker without, and their answers say so.
 
@@ -30,20 +30,20 @@ class Settings:
     """
 
     gap: float = 1e-3
-    time_limit: float = INF
-    node_limit: float = INF
-    workers: int = 0
+    timeout: float = INF
+    nodes: float = INF
+    jobs: int = 0
     verify: bool = True
 
     def __post_init__(self) -> None:
         if not self.gap > 0:
             raise InputError(f"is {self.gap:g}; a positive number is needed", field="gap")
-        if not self.time_limit > 0:
-            raise InputError(f"is {self.time_limit:g} s; a positive number is needed", field="time limit")
-        if not self.node_limit > 0:
-            raise InputError(f"is {self.node_limit:g}; a positive number is needed", field="node limit")
-        if self.workers not in (0, 1, 2):
-            raise InputError(f"is {self.workers}; 1 or 2 is possible, or 0 for as many as there are", field="workers")
+        if not self.timeout > 0:
+            raise InputError(f"is {self.timeout:g} s; a positive number is needed", field="timeout")
+        if not self.nodes > 0:
+            raise InputError(f"is {self.nodes:g}; a positive number is needed", field="nodes")
+        if self.jobs not in (0, 1, 2):
+            raise InputError(f"is {self.jobs}; 1 or 2 is possible, or 0 for as many as there are", field="jobs")
 
 
 @dataclass(frozen=True)

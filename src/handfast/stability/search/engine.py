@@ -55,29 +55,29 @@ def search(
         capped: may the bound be one for motions up to a cap, where there is no other?
     """
     LIBRARY.functions  # noqa: B018  the first search compiles, or loads what was: no search's time
-    start, limits = time.monotonic(), SearchLimits(settings.time_limit)
+    start, limits = time.monotonic(), SearchLimits(settings.timeout)
     r = reduce(p, goal, endless=endless, within=within)
     guess = [r.at_magnitude(*known) for known in near]
     if not goal.has_scalar and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
 
     def beyond(value: float, nodes: int, seconds: float) -> Array | None:
-        return _beyond(r, value, replace(settings, node_limit=nodes, time_limit=max(seconds, LEAST), verify=False))
+        return _beyond(r, value, replace(settings, nodes=nodes, timeout=max(seconds, LEAST), verify=False))
 
-    beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped, beyond=beyond)
+    beside = Capped(r, *_gaps(r, goal, settings), settings.jobs or default_jobs(), bounds=capped, beyond=beyond)
     out = _search(p, goal, settings, on_progress, r, limits, beside, guess)
     for gap in (g for g in FINER if g < settings.gap):  # the tolerances of programs go with the gap
-        nodes = settings.node_limit - out.nodes
+        nodes = settings.nodes - out.nodes
         if out.stop is not Stop.NUMERICAL or nodes <= 0 or limits.late:
             break
-        finer = replace(settings, gap=gap, node_limit=nodes)
+        finer = replace(settings, gap=gap, nodes=nodes)
         out = _better(out, _search(p, goal, finer, on_progress, r, limits, guess=guess))
-    if out.stop is Stop.NUMERICAL and out.nodes < settings.node_limit and not limits.late:
+    if out.stop is Stop.NUMERICAL and out.nodes < settings.nodes and not limits.late:
         out = _to_cap(beside, goal, settings, limits, out)
     if beside.better is not None and out.stop is not Stop.COMPLETE:
         out = _improved(r, out, beside.better, out.stop)
     if out.stop is Stop.NUMERICAL and goal.maximised and -INF < out.bound < out.value and not limits.late:
-        out = _below_bound(r, out, replace(settings, time_limit=max(limits.seconds_left, LEAST)))
+        out = _below_bound(r, out, replace(settings, timeout=max(limits.seconds_left, LEAST)))
     stop = Stop.TIME if out.stop is Stop.NUMERICAL and limits.late else out.stop
     return replace(out, stop=stop, seconds=time.monotonic() - start)
 
@@ -112,7 +112,7 @@ def _search(
         """Searches, and nodes up to which each goes on; inf where it does as long as it is healthy."""
         for box in r.boxes:
             best = [s.z for s in searches if s.z is not None]
-            workers = settings.workers or default_jobs()
+            workers = settings.jobs or default_jobs()
             s = Search(r.beginning(box), gap=gap, gap_absolute=gap_absolute, workers=workers, guess=best or guess)
             searches.append(s)
             yield s, INF
@@ -124,7 +124,7 @@ def _search(
     try:
         for s, until in turns():
             spent = sum(other.nodes for other in searches if other is not s)
-            s.node_limit = settings.node_limit - spent
+            s.node_limit = settings.nodes - spent
             s.time_limit = searching.seconds_left
             for state in s:
                 if on_progress and (state.stop or time.monotonic() - shown > PAUSE):
@@ -132,7 +132,7 @@ def _search(
                     bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
                     nodes = spent + state.nodes
                     on_progress(Progress(*goal.bounds(p, state.best * r.scale, bound * r.scale), nodes))
-                other = beside.watch(state, settings.node_limit - spent, searching) if beside else None
+                other = beside.watch(state, settings.nodes - spent, searching) if beside else None
                 if beside and other:
                     return _outcome(other, goal, settings, limits, spent + s.nodes + beside.nodes - other.nodes)
                 if state.stop is None and (state.nodes >= until or (until == INF and not state.healthy)):
@@ -158,7 +158,7 @@ def _to_cap(beside: Capped, goal: Objective, settings: Settings, limits: SearchL
     spent = beside.nodes
     if not beside.possible or not beside.bounds:
         return found
-    nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
+    nodes = min(max(found.nodes, FIRST), settings.nodes - found.nodes)
     try:
         s = beside.run(found.point, nodes, limits)
         if beside.any and s.stop is Stop.COMPLETE and s.z is None:
@@ -166,7 +166,7 @@ def _to_cap(beside: Capped, goal: Objective, settings: Settings, limits: SearchL
                 if s.stop is not Stop.COMPLETE or s.z is not None:
                     break
         elif s.stop is Stop.COMPLETE:
-            if beside.contradicted(int(nodes), settings.node_limit, limits):
+            if beside.contradicted(int(nodes), settings.nodes, limits):
                 return replace(found, nodes=found.nodes + beside.nodes - spent)
             s = beside.search or s
     except KeyboardInterrupt:
@@ -186,7 +186,7 @@ def _outcome(s: Search, goal: Objective, settings: Settings, limits: SearchLimit
     found = None if s.z is None else r.witness(r.point(s.z))
     z, best, refused = s.z, s.best, found is not None and not found.valid
     if refused and goal.maximised:  # all forces may vanish there, but for rounding
-        below = _just_below(r.p, s.best, replace(settings, time_limit=max(limits.seconds_left, LEAST)))
+        below = _just_below(r.p, s.best, replace(settings, timeout=max(limits.seconds_left, LEAST)))
         if below is not None:
             z, best, found, refused = None, s.best * (1 - INSIDE * settings.gap), below, False
     if refused:  # the judge has the last word; everything the search cut off by it is open again
@@ -244,8 +244,8 @@ def _below_bound(r: Reduced, out: Outcome, settings: Settings) -> Outcome:
 
     On flat grasps with a base load programs break down near states that Newton's method finds at a given magnitude.
     """
-    limit = max(settings.node_limit - out.nodes, 1)
-    settings = replace(settings, verify=False, node_limit=limit)
+    limit = max(settings.nodes - out.nodes, 1)
+    settings = replace(settings, verify=False, nodes=limit)
     s = r.goal.magnitude(r.p, out.bound) * (1 - settings.gap / 2)
     point = _at(r, s, settings) if s > 0 else None
     return out if point is None else _improved(r, out, point, Stop.COMPLETE)

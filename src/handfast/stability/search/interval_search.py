@@ -156,7 +156,7 @@ class _Magnitudes:
         """Show as much as possible of the magnitudes between two that are resisted, with their points."""
         todo = [(a, za, b, zb)]
         for _ in range(MOST):
-            if not todo or time.monotonic() - self.start > self.settings.time_limit:
+            if not todo or time.monotonic() - self.start > self.settings.timeout:
                 return
             a, za, b, zb = todo.pop(max(range(len(todo)), key=lambda i: todo[i][2] - todo[i][0]))
             if a >= b or self._joined(a, za, b, zb):
@@ -269,7 +269,7 @@ class _Magnitudes:
     def _quick(self, share: float = INF) -> Settings:
         """Of searches whose proofs nobody asks for; share: relative width of the range."""
         gap = max(min(self.settings.gap / 2, share / 8), LEAST)
-        return replace(self.settings, verify=False, gap=gap, time_limit=self._left)
+        return replace(self.settings, verify=False, gap=gap, timeout=self._left)
 
     def _search(self, p: ScaledProblem, goal: Objective, settings: Settings, within: Range | None = None) -> Outcome:
         """Without a cap: states beyond it count as well. Raises KeyboardInterrupt, which `engine.search` does not."""
@@ -280,7 +280,7 @@ class _Magnitudes:
 
     @property
     def _left(self) -> float:
-        return max(self.settings.time_limit - (time.monotonic() - self.start), 1e-3)
+        return max(self.settings.timeout - (time.monotonic() - self.start), 1e-3)
 
     def _within(self, a: float, b: float) -> Range:
         """Magnitudes from a to b as bounds of what the goal makes small."""
@@ -320,7 +320,7 @@ class _Magnitudes:
         """Certify that every magnitude from a to b slips."""
         if not a < b:
             return
-        settings = replace(self.settings, time_limit=self._left)
+        settings = replace(self.settings, timeout=self._left)
         found = self._search(self.p, self.goal, settings, self._within(a, b))
         if found.bound == INF and found.proof is not None and found.proof.certificate is not None:
             self.slips.append(found.proof.certificate)

@@ -308,7 +308,7 @@ class BatchSearch:
 
     def limit(self, settings: Settings) -> None:
         """Let other limits hold for the questions that follow; the gap stays."""
-        self.budget = int(min(BUDGET, settings.node_limit))
+        self.budget = int(min(BUDGET, settings.nodes))
 
     def ask(self, loads: LoadRows) -> FoundRows:
         """Answers for these loads, each with what those before it showed."""

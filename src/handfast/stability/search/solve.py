@@ -38,12 +38,12 @@ def compiled() -> None:
 def clock_of(settings: Settings) -> SearchLimits:
     """The time of a question, from now on."""
     compiled()
-    return SearchLimits(settings.time_limit)
+    return SearchLimits(settings.timeout)
 
 
 def time_left(settings: Settings, limits: SearchLimits) -> Settings:
     """For what follows a search: the rest of its time."""
-    return replace(settings, time_limit=max(limits.seconds_left, LEAST))
+    return replace(settings, timeout=max(limits.seconds_left, LEAST))
 
 
 def without_end(
@@ -60,7 +60,7 @@ def without_end(
     """
     settings = time_left(settings, limits)
     if goal.maximised:  # any of them would do
-        settings = replace(settings, gap=ANY, node_limit=min(settings.node_limit, MANY + 2 * found.nodes))
+        settings = replace(settings, gap=ANY, nodes=min(settings.nodes, MANY + 2 * found.nodes))
     beyond = solve(p, goal, settings, on_progress, endless=True)
     if beyond.witness is not None or beyond.bound == INF:
         stop = Stop.COMPLETE if goal.maximised else beyond.stop

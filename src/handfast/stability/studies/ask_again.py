@@ -47,38 +47,38 @@ class Asking:
     """How claims are asked again.
 
     Attributes:
-        time_limit: [s] for each question. timeout: [s] for all of them.
+        question_timeout: [s] for each question. timeout: [s] for all of them.
         jobs: cores to use; by default all.
         on_progress: called with (done, total).
     """
 
-    time_limit: float = TIME_LIMIT
+    question_timeout: float = TIME_LIMIT
     timeout: float = INF
     jobs: int | None = None
     on_progress: OnItem | None = None
 
     def __post_init__(self) -> None:
-        Settings(time_limit=self.time_limit)
+        Settings(timeout=self.question_timeout)
         if not self.timeout > 0:
             raise InputError(f"is {self.timeout:g} s; a number above 0 is needed", field="timeout")
 
 
 @dataclass(frozen=True)
 class Clock:
-    """What is left of it: time_limit [s] for a question, until: on the monotonic clock, workers: of the engine."""
+    """What is left of it: question_timeout [s] for a question, until: on the monotonic clock, jobs: of it."""
 
-    time_limit: float
+    question_timeout: float
     until: float
-    workers: int
+    jobs: int
 
     @property
     def left(self) -> float:
         """[s] for the next question; not above 0 if there is no time."""
-        return min(self.time_limit, self.until - time.monotonic())
+        return min(self.question_timeout, self.until - time.monotonic())
 
     def settings(self, gap: float) -> Settings:
         """Of the next question."""
-        return Settings(gap=gap, time_limit=max(self.left, 1e-3), workers=self.workers)
+        return Settings(gap=gap, timeout=max(self.left, 1e-3), jobs=self.jobs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,7 +308,7 @@ def asked(claims: Sequence[Claim], how: Asking) -> list[tuple[Replay, ...]]:
     jobs = 1 if len(claims) <= FEW else min(how.jobs or default_jobs(), len(claims))
     until = time.monotonic() + how.timeout
     out: list[tuple[Replay, ...]] = []
-    with WorkerPool(Clock(how.time_limit, until, 1 if jobs > 1 else 0), jobs) as pool:
+    with WorkerPool(Clock(how.question_timeout, until, 1 if jobs > 1 else 0), jobs) as pool:
         for told in pool.map(_ask, claims, until=until):
             out.append(told)
             if how.on_progress:

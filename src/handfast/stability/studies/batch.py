@@ -70,7 +70,7 @@ class BatchOptions:
 
     def of_rows(self) -> BatchOptions:
         """The same for searches with one thread each: cores are for rows."""
-        return replace(self, settings=replace(self.settings, workers=1))
+        return replace(self, settings=replace(self.settings, jobs=1))
 
     def together(self, grasp: Grasp) -> bool:
         """Are rows about a grasp for the kernel?"""

@@ -190,7 +190,7 @@ def hold(
         command_limit: largest command allowed [N m or N]; see `moderate`.
         bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
             lower bound is claimed, and only what says that there is no preload is asked again with its proof.
-        timeout: [s] for the whole question, margins included; `settings.time_limit` is that of a single query.
+        timeout: [s] for the whole question, margins included; `settings.timeout` is that of a single query.
         on_progress: told in words what is asked next.
 
     The other arguments and errors are those of `check` and `torques`.
@@ -411,7 +411,7 @@ class _HoldSearch:
     def within(self, settings: Settings, share: float) -> Settings:
         """The settings of a query that has a share of the time that is left."""
         left = max(share * self.clock.seconds_left, LEAST)
-        return replace(settings, time_limit=min(settings.time_limit, left))
+        return replace(settings, timeout=min(settings.timeout, left))
 
     def counted(self, a: A) -> A:
         """An answer, its nodes counted; Ctrl-C, which ended its search, ends this one too."""

@@ -89,7 +89,7 @@ def margin(
         return None
     w = as_wrench(wrench)
     own = settings or Settings()
-    limited = own if np.isfinite(own.time_limit) else replace(own, time_limit=TIME_LIMIT)
+    limited = own if np.isfinite(own.timeout) else replace(own, timeout=TIME_LIMIT)
     ask = _Ask(w, options | {"settings": limited}, on_progress)
     less = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 - x))])
     more = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 + x))])

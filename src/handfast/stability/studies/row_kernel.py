@@ -119,7 +119,7 @@ class RowKernel:
         residual = self._residuals(loads.grasp, found.held, W, found.states)
         held = found.held & (residual <= VALID)
         slips = found.none & (not settings.verify)
-        limited = found.hard & (found.nodes >= settings.node_limit)
+        limited = found.hard & (found.nodes >= settings.nodes)
         verdict = np.select([held, limited], [str(Verdict.HOLDS), str(Verdict.UNDECIDED)], str(Verdict.SLIPS))
         columns = {
             "verdict": verdict,

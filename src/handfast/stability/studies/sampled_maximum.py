@@ -244,7 +244,7 @@ def sampled_maximum(
     if bounds.leaves(grasp):
         what = " and ".join(n for n, share in (("friction", bounds.friction), ("command", bounds.command)) if share)
         raise InputError(f"of {what} alone leave this grasp as it is: it has none", source=grasp.name, field="bounds")
-    settings = settings or Settings(time_limit=10.0)
+    settings = settings or Settings(timeout=10.0)
     towards = scaled_problem.as_wrench(direction, "direction")
     beside = np.zeros(6) if base is None else scaled_problem.as_wrench(base, "base")
     nominal = maximum(grasp, towards, base=beside, settings=settings)
