@@ -1,4 +1,5 @@
-"""What comes with the package, by name: grasps, hands, objects, configurations, tasks, regions of hands."""
+"""How files are named: what comes with the package (grasps, hands, objects, configurations, tasks, regions of hands) by
+its name, others by their paths."""
 
 from __future__ import annotations
 
@@ -54,3 +55,11 @@ def read(kind: str, name: str) -> dict[str, Any]:
     """A bundled JSON file as it is, {} if it is something else."""
     file = Path(resolve(kind, name))
     return json.loads(file.read_text("utf-8")) if file.suffix == ".json" else {}
+
+
+def relative_path(path: str | Path, folder: str | Path) -> str:
+    """How a file in `folder` names another one, with "/"; as it is named where that is on another drive."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:
+        return Path(path).as_posix()

@@ -62,8 +62,7 @@ def write_text(path: str | Path, text: str, *, force: bool) -> None:
 def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
     """Write a whole file or nothing; raises `InputError` if it exists and `force` is not set."""
     target = Path(path)
-    if target.exists() and not force:
-        raise InputError("exists already; give --force to write over it", source=str(path))
+    refuse_existing(target, force=force)
     part = target.with_name(target.name + ".part")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -73,6 +72,12 @@ def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
         with suppress(OSError):
             part.unlink()
         raise InputError(f"cannot be written: {error.strerror}", source=str(path)) from None
+
+
+def refuse_existing(path: str | Path, *, force: bool) -> None:
+    """`InputError` for a file that would be written over, unless `force`; also before the work that fills it."""
+    if Path(path).exists() and not force:
+        raise InputError("exists already; give --force to write over it", source=str(path))
 
 
 def parse_json(text: str) -> Any:

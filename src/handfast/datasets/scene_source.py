@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import same_json
 from handfast.datasets.dataset_rows import GraspChanges, PosedRow
@@ -137,10 +137,7 @@ def _seen_from(folder: Path, name: str) -> str:
     file, mark, part = name.partition("#")
     if not Path(file).is_absolute():
         return name
-    try:
-        return Path(os.path.relpath(file, folder)).as_posix() + mark + part
-    except ValueError:  # on another drive
-        return name
+    return relative_path(file, folder) + mark + part
 
 
 def _absolute(name: str, folder: Path) -> str:

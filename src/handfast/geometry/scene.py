@@ -249,35 +249,54 @@ class Scene:
 
 def _compile(mujoco: Any, shapes: list[Shape]) -> Any:
     """One mujoco model with a geom per shape, each in its own frame."""
-    kinds = mujoco.mjtGeom
     spec = mujoco.MjSpec()
     spec.option.ccd_tolerance = 1e-9
     for i, s in enumerate(shapes):
-        w = matrix_quaternion(s.pose[:3, :3])
-        common: dict[str, Any] = {"pos": s.pose[:3, 3], "quat": w}
-        body = spec.worldbody.add_body(name=f"body_{i}")
-        match s.kind:
-            case "mesh":
-                mesh = spec.add_mesh(name=f"mesh_{i}")
-                mesh.uservert = s.vertices.ravel().tolist()
-                mesh.userface = s.faces.ravel().tolist()
-                # a thin solid has next to no volume, which the other ways to its inertia refuse
-                mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-                body.add_geom(type=kinds.mjGEOM_MESH, meshname=f"mesh_{i}", **common)
-            case "box":
-                body.add_geom(type=kinds.mjGEOM_BOX, size=np.array(s.size) / 2, **common)
-            case "sphere":
-                body.add_geom(type=kinds.mjGEOM_SPHERE, size=[s.size[0], 0, 0], **common)
-            case "ellipsoid":
-                body.add_geom(type=kinds.mjGEOM_ELLIPSOID, size=s.size, **common)
-            case _:
-                kind = kinds.mjGEOM_CAPSULE if s.kind == "capsule" else kinds.mjGEOM_CYLINDER
-                body.add_geom(type=kind, size=[s.size[0], s.size[1] / 2, 0], **common)
+        # a thin solid has next to no volume, which other ways to a mesh's inertia refuse
+        shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        add_solid(spec, spec.worldbody.add_body(name=f"body_{i}"), f"solid_{i}", s, inertia=shell)
     try:
         with quiet():
             return spec.compile()
     except (ValueError, mujoco.FatalError) as fault:
         raise InputError(f"a solid cannot be used for collision ({' '.join(str(fault).split())})") from None
+
+
+def add_solid(
+    spec: Any, body: Any, name: str, shape: Shape, *, length: float = 1.0, inertia: Any = None, **geom: Any
+) -> None:
+    """Add a solid to a body of a `mujoco.MjSpec` whose frame is that of the solid's carrier.
+
+    Args:
+        length: [m] that is 1 in the model.
+        inertia: how that of a mesh is found, of its convex hull unless given.
+        geom: further attributes of the geom.
+    """
+    import mujoco
+
+    size, given = np.zeros(3), np.array(shape.size) / length
+    if shape.kind == "box":
+        size[:] = given / 2
+    elif shape.kind in ("capsule", "cylinder"):
+        size[:2] = given[0], given[1] / 2
+    else:
+        size[: len(given)] = given
+    if shape.kind == "mesh":
+        spec.add_mesh(
+            name=name,
+            uservert=(shape.vertices / length).ravel().tolist(),
+            userface=shape.faces.ravel().tolist(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX if inertia is None else inertia,
+        )
+        geom["meshname"] = name
+    body.add_geom(
+        name=name,
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"),
+        size=size.tolist(),
+        pos=(shape.pose[:3, 3] / length).tolist(),
+        quat=matrix_quaternion(shape.pose[:3, :3]).tolist(),
+        **geom,
+    )
 
 
 def checked_pose(pose: object) -> Array:

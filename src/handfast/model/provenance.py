@@ -11,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from handfast.core import bundled
+from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.schema import LEFT_OUT, InFiles
 
@@ -124,18 +125,11 @@ class Provenance(InFiles):
 
     def relative_to(self, folder: str | Path) -> Provenance:
         """With paths as they stand in a file in `folder`."""
-        return self.moved(lambda path: _relative(path, Path(folder).resolve()))
+        return self.moved(lambda path: relative_path(path, Path(folder).resolve()))
 
     def resolved_from(self, folder: str | Path) -> Provenance:
         """With the paths of a file in `folder`, absolute."""
         return self.moved(lambda path: os.path.normpath(Path(folder).resolve() / path))
-
-
-def _relative(path: str, folder: Path) -> str:
-    try:
-        return Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # on another drive
-        return path
 
 
 @lru_cache(maxsize=256)

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from handfast.core import bundled
+from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import Positive, Strict, Vector, read_json, validate, write_text
 from handfast.model.configuration import PoseFile
@@ -153,26 +154,23 @@ def save_body_copy(
     """
     path, folder = Path(bundled.resolve("objects", str(source))), Path(target).parent
 
-    def seen_from_target(file: str | Path) -> str:
-        return Path(os.path.relpath(file, folder)).as_posix()
-
     if path.suffix.lower() in MESH_FILES:
         body = BodyFile(
             schema="handfast/body/1",
             name=path.stem,
-            shapes=[ShapeFile(mesh=MeshFile(file=seen_from_target(path), scale=scale))],
+            shapes=[ShapeFile(mesh=MeshFile(file=relative_path(path, folder), scale=scale))],
         )
     elif path.suffix.lower() == ".json":
         body = read_body_file(path)
         shapes = [
             s.model_copy(
-                update={"mesh": s.mesh.model_copy(update={"file": seen_from_target(path.parent / s.mesh.file)})}
+                update={"mesh": s.mesh.model_copy(update={"file": relative_path(path.parent / s.mesh.file, folder)})}
             )
             if s.mesh
             else s
             for s in body.shapes
         ]
-        mesh = seen_from_target(path.parent / body.mesh) if body.mesh else None
+        mesh = relative_path(path.parent / body.mesh, folder) if body.mesh else None
         body = body.model_copy(update={"name": body.name or path.stem, "shapes": shapes, "mesh": mesh})
     else:
         raise InputError(

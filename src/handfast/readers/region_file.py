@@ -9,13 +9,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from handfast.core import bundled
+from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, Vector, read_json, validate, write_text
 from handfast.model.cylinder_side import CylinderSide
@@ -125,7 +125,7 @@ def hand_regions_dict(regions: HandRegions, *, folder: str | Path = ".") -> dict
     """The regions as a `handfast/hand-regions/1` object; a path is written relative to `folder`."""
     hand = regions.hand
     if hand not in bundled_hands():
-        hand = Path(os.path.relpath(hand, folder)).as_posix()
+        hand = relative_path(hand, folder)
     return {
         "schema": "handfast/hand-regions/1",
         "hand": hand,

@@ -13,7 +13,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.transforms import matrix_quaternion
+from handfast.geometry.scene import add_solid
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand import Hand
@@ -99,7 +99,7 @@ def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, sti
                 body = add_jointed(body, f"{name} 0", grasp, free[at[name]])
         made.append(body)
         for n, shape in enumerate(bodies.shapes[i]):
-            _add_shape(spec, body, f"{bodies.names[i]}/{n}", shape, length)
+            add_solid(spec, body, f"{bodies.names[i]}/{n}", shape, length=length, contype=0, conaffinity=0, mass=0)
     for j, copies in zip(free, names, strict=True):
         if not copies and not grasp.joints[j].moves:  # no link hangs on it: the length of a tendon, tied to the others
             name = f"{grasp.joints[j].name} 0"
@@ -110,36 +110,11 @@ def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, sti
         raise InputError(f"are not the hand's: {', '.join(unmoved)}", source=grasp.name, field="joints")
     target = add_object(spec, grasp, length)
     for n, piece in enumerate(bodies.pieces):
-        _add_shape(spec, target, f"object/{n}", piece, length)
+        add_solid(spec, target, f"object/{n}", piece, length=length, contype=0, conaffinity=0, mass=0)
     pairs = _pairs(spec.compile(), grasp, bodies)
     for first, second, friction, margin in pairs:
         add_pair(spec, f"{first} {second}", (first, second), friction, margin)
     return assembled(spec, grasp, free, names, force, stiffness)
-
-
-def _add_shape(spec: Any, body: Any, name: str, shape: Shape, length: float) -> None:
-    """A solid on a body whose frame is the object's."""
-    import mujoco
-
-    size = np.zeros(3)
-    s = np.array(shape.size) / length
-    if shape.kind == "box":
-        size[:] = s / 2
-    elif shape.kind in ("capsule", "cylinder"):
-        size[:2] = s[0], s[1] / 2
-    elif shape.kind != "mesh":
-        size[: len(s)] = s
-    geom = body.add_geom(
-        name=name, type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"), size=size.tolist(),
-        pos=(shape.pose[:3, 3] / length).tolist(), quat=matrix_quaternion(shape.pose[:3, :3]).tolist(),
-        contype=0, conaffinity=0, mass=0,
-    )  # fmt: skip
-    if shape.kind == "mesh":
-        spec.add_mesh(
-            name=name, uservert=(shape.vertices / length).ravel().tolist(), userface=shape.faces.ravel().tolist(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
-        )  # fmt: skip
-        geom.meshname = name
 
 
 def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, float, float]]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
-from handfast.core.files import same_json
+from handfast.core.files import refuse_existing, same_json
 from handfast.core.parallel import DaskWorkers, Died, WorkerPool, Workers, default_jobs
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
 from handfast.datasets.labels.label_columns import SCHEMA, broken, complete, described
@@ -191,8 +191,7 @@ def _refuse(target: Path, folder: PartFolder, *, resume: bool, force: bool) -> N
         raise InputError("has files that are no parts of labels; move it away", source=str(folder_of(target)))
     if resume or force:
         return
-    if target.exists():
-        raise InputError("exists already; give --force to write over it", source=str(target))
+    refuse_existing(target, force=False)
     if folder.begun:
         problem = "holds parts of labels already; give --resume to go on, or --force to begin anew"
         raise InputError(problem, source=str(folder_of(target)))

@@ -14,7 +14,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import read_json, write_bytes, write_text
+from handfast.core.files import read_json, refuse_existing, write_bytes, write_text
 from handfast.core.transforms import matrix_quaternion
 from handfast.datasets.published.import_folder import SUMMARY
 from handfast.datasets.published.mapping_file import HandMapping
@@ -144,7 +144,7 @@ def export(
             raise InputError("would hold two objects of one name; export them one by one", source=str(file))
         texts[file] = _text(group, hand, mapping, layout, name, scale)
     for file in texts:
-        _refuse(file, force)
+        refuse_existing(file, force=force)
     for file, text in texts.items():
         write_text(file, text, force=force)
     return list(texts)
@@ -202,17 +202,12 @@ def _benchmark(
             rows[key] = np.r_[at, sense * there[index]]
         files[target / f"{k}.npy"] = rows
     for file in files:
-        _refuse(file, force)
+        refuse_existing(file, force=force)
     for file, data in files.items():
         packed = io.BytesIO()
         np.save(packed, np.array(data, dtype=object), allow_pickle=True)
         write_bytes(file, packed.getvalue(), force=force)
     return list(files)
-
-
-def _refuse(file: Path, force: bool) -> None:
-    if file.exists() and not force:
-        raise InputError("exists already; give --force to write over it", source=str(file))
 
 
 def _placed(g: ExportedGrasp, hand: Hand) -> Array:

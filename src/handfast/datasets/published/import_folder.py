@@ -5,15 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
 
+from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
-from handfast.core.files import write_bytes, write_text
+from handfast.core.files import refuse_existing, write_bytes, write_text
 from handfast.datasets.published.importing import ImportedGrasp
 from handfast.datasets.published.object_finder import FoundObject
 from handfast.model.grasp import Grasp
@@ -29,8 +29,7 @@ TABLES = (".csv", ".jsonl", ".parquet")
 def refuse_target(path: Path, force: bool) -> None:
     """`InputError` for what cannot be written, before the work: an import that is there, a table that exists."""
     if path.suffix.lower() in TABLES:
-        if path.exists() and not force:
-            raise InputError("exists already; give --force to write over it", source=str(path))
+        refuse_existing(path, force=force)
         if path.suffix.lower() == ".parquet":
             _pandas(path)
     elif path.exists() and not path.is_dir():
@@ -77,10 +76,7 @@ def _seen_from(folder: Path, name: str) -> str:
     file, mark, part = name.partition("#")
     if not Path(file).is_file():
         return name
-    try:
-        relative = Path(os.path.relpath(file, folder)).as_posix()
-    except ValueError:  # on another drive
-        return name
+    relative = relative_path(file, folder)
     return (relative if "/" in relative else f"./{relative}") + mark + part
 
 

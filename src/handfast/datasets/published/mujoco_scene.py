@@ -15,8 +15,9 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import write_text
+from handfast.core.files import refuse_existing, write_text
 from handfast.core.transforms import matrix_quaternion, transform
+from handfast.geometry.scene import add_solid
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
@@ -63,8 +64,7 @@ def export_scenes(source: Path, target: Path, *, force: bool = False) -> list[Pa
         raise InputError(f"is one file for {len(found)} grasps; give a folder", source=str(target))
     files = [target if single else target / f"{f.name.removesuffix('.json').removesuffix('.grasp')}.xml" for f in found]
     for file in files:
-        if file.exists() and not force:
-            raise InputError("exists already; give --force to write over it", source=str(file))
+        refuse_existing(file, force=force)
     for grasp, file in zip(found, files, strict=True):
         write_text(file, scene_text(load_grasp(grasp)), force=force)
     return files
@@ -259,24 +259,5 @@ class _Scene:
         return np.r_[self.at[:3, 3], matrix_quaternion(self.at[:3, :3]), 0.0, hand]
 
     def _add_shape(self, spec: Any, body: Any, name: str, shape: Shape, **bits: int) -> None:
-        import mujoco
-
-        size, s = np.zeros(3), np.array(shape.size)
-        if shape.kind == "box":
-            size[:] = s / 2
-        elif shape.kind in ("capsule", "cylinder"):
-            size[:2] = s[0], s[1] / 2
-        elif shape.kind != "mesh":
-            size[: len(s)] = s
-        pose = shape.pose
-        geom = body.add_geom(
-            name=name, type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"), size=size.tolist(),
-            pos=pose[:3, 3].tolist(), quat=matrix_quaternion(pose[:3, :3]).tolist(), mass=0,
-            friction=[self.mu, 0.0, 0.0], condim=3, solref=[CONTACT_TIME, 1.0], **bits,
-        )  # fmt: skip
-        if shape.kind == "mesh":
-            spec.add_mesh(
-                name=name, uservert=shape.vertices.ravel().tolist(), userface=shape.faces.ravel().tolist(),
-                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
-            )  # fmt: skip
-            geom.meshname = name
+        touch: dict[str, Any] = {"friction": [self.mu, 0.0, 0.0], "condim": 3, "solref": [CONTACT_TIME, 1.0]}
+        add_solid(spec, body, name, shape, mass=0, **touch, **bits)
