@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
+from flint import fmpq
 from scipy.optimize import linprog
 
 from benchmarks.grasps import random_case
+from handfast import check
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.proofs.fields import Array, BadFile
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.checker import verify
+from handfast.proofs.equations import RightSide, equations_of
+from handfast.proofs.existence import prove
+from handfast.proofs.fields import Array, BadFile, rational, rationals
 from handfast.proofs.grasp import GraspData, read_grasp
-from handfast.proofs.joint_laws import CANCELLED, Equivalent, equivalent_of
-from handfast.readers.grasp_file import to_dict
+from handfast.proofs.joint_laws import Equivalent, equivalent_of
+from handfast.proofs.kinds import Row
+from handfast.proofs.question import Question, read_question
+from handfast.proofs.rows import LeafRows, row_values
+from handfast.proofs.states import Problem, State
+from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.stability.problem import equivalent_grasp
 from tests.support.law_grasps import curled, jaw, random_law_grasp
 from tests.support.refused import refused
@@ -34,6 +46,16 @@ def grasp(
     couplings: list[list[float]] | None = None,
 ) -> GraspData:
     """A contact and one revolute joint for each of the laws; actuators: name -> weights of the joints, flags."""
+    return read_grasp(grasp_file(laws, actuators, preload, couplings), "g")
+
+
+def grasp_file(
+    laws: list[dict[str, Any]],
+    actuators: Actuators | None = None,
+    preload: Mapping[str, float] | None = None,
+    couplings: list[list[float]] | None = None,
+) -> dict[str, Any]:
+    """The same as it stands in a file."""
     names = [f"j{k}" for k in range(len(laws))]
     joints = [
         {"name": name, "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]} | law
@@ -44,14 +66,13 @@ def grasp(
         for name, (row, flags) in (actuators or {}).items()
     ]
     tied = [dict(zip(names, row, strict=True)) for row in couplings or []]
-    data = {
+    return {
         "schema": "handfast/grasp/1",
         "contacts": [{"position": [0, 0, 0], "normal": [1, 0, 0], "friction": 0.5}],
         "joints": joints,
         "mechanism": {"actuators": rows, "couplings": tied},
         "preload": dict(preload or {}),
     }
-    return read_grasp(data, "g")
 
 
 def parts(e: Equivalent) -> tuple[int, list[Any], list[Any], list[Any], list[Any], list[Any]]:
@@ -186,10 +207,10 @@ def test_joints_tied_by_a_locked_motor_are_held_or_tied() -> None:
     """A locked motor over two joints ties them, as a coupling does: q1 = -q0 / 2."""
     g = grasp([{"friction": 0.5}, {"friction": 0.25}], {"m": ([1, 2], {})})
     e = equivalent_of(g, None, ())
-    # along q0: weights F sign(rate) / sum = (0.5, -0.25) / 0.75
+    # along q0: weights F sign(rate) over 1, the power of two above 0.75
     assert e.sliders == 1
-    np.testing.assert_allclose(e.R, [[1, 2, 0], [0, 0, 1], [-2 / 3, 1 / 3, 1]], rtol=1e-15)
-    assert e.torque.tolist() == [0.5, -0.25, -1.5]
+    assert e.R.tolist() == [[1, 2, 0], [0, 0, 1], [-0.5, 0.25, 1]]
+    assert e.torque.tolist() == [0.5, -0.25, -2]
     both = equivalent_of(g, None, ("m",))  # with a limit it ties nothing: each joint has its own
     assert both.sliders == 2
     assert both.torque.tolist() == [0.5, 0.25, -1.0, -0.5]
@@ -198,13 +219,13 @@ def test_joints_tied_by_a_locked_motor_are_held_or_tied() -> None:
 
 @pytest.mark.parametrize(("row", "sign"), [([1.0, -1 / 3], 1.0), ([1.0, 1 / 3], -1.0)])
 def test_tied_joints_have_one_friction(row: list[float], sign: float) -> None:
-    """q0 - q1 / 3 = 0: q1 = 3 q0. Both rub: one slider for (0.3 q0 + 0.1 q1) / 0.4; against the tie, with -q1."""
+    """q0 - q1 / 3 = 0: q1 = 3 q0. Both rub: one slider for (0.3 q0 + 0.1 q1) / 0.5; against the tie, with -q1."""
     g = grasp([{"friction": 0.3}, {"friction": 0.1}], couplings=[row])
     e = equivalent_of(g, None, ())
     assert e.sliders == 1
     assert e.A.tolist() == [[*row, 0]]
-    np.testing.assert_allclose(e.R, [[0, 0, 1], [-0.75, -sign * 0.25, 1]], rtol=1e-14)
-    np.testing.assert_allclose(e.torque, [0.3, sign * 0.1, -0.8], rtol=1e-14)
+    np.testing.assert_allclose(e.R, [[0, 0, 1], [-0.6, -sign * 0.2, 1]], rtol=1e-14)
+    np.testing.assert_allclose(e.torque, [0.3, sign * 0.1, -1.0], rtol=1e-14)
     assert e.held.tolist() == [False, False]
 
 
@@ -212,8 +233,8 @@ def test_of_tied_joints_those_that_rub_count() -> None:
     g = grasp([{}, {"friction": 0.5}, {"friction": 0.25}], couplings=[[1, -2, 0], [0, 1, 1]])
     e = equivalent_of(g, None, ())
     # q1 = q0 / 2, q2 = -q1: along q0
-    np.testing.assert_allclose(e.R, [[0, 0, 0, 1], [0, -2 / 3, 1 / 3, 1]], rtol=1e-15)
-    assert e.torque.tolist() == [0, 0.5, -0.25, -1.5]
+    assert e.R.tolist() == [[0, 0, 0, 1], [0, -0.5, 0.25, 1]]
+    assert e.torque.tolist() == [0, 0.5, -0.25, -2]
 
 
 @pytest.mark.parametrize("stop", ["lower", "upper"])
@@ -259,7 +280,7 @@ def test_a_tie_that_is_there_twice_or_contradicts_changes_nothing() -> None:
     """q1 = 2 q0, and again, or q1 = -q0, which leaves rest alone: friction along the first of them."""
     for second in ([-4, 2], [1, 1]):
         e = equivalent_of(grasp([{"friction": 0.5}, {"friction": 0.25}], couplings=[[-2, 1], second]), None, ())
-        assert (e.sliders, e.torque.tolist()) == (1, [0.5, 0.25, -1.5])
+        assert (e.sliders, e.torque.tolist()) == (1, [0.5, 0.25, -2])
 
 
 def test_couplings_over_three_joints_tie_none_to_each_other() -> None:
@@ -271,7 +292,7 @@ def test_couplings_over_three_joints_tie_none_to_each_other() -> None:
     laws[2]["stop"] = "both"
     e = equivalent_of(grasp(laws, couplings=[[1, 1, 1]]), None, ())
     assert e.sliders == 1
-    assert e.torque.tolist() == [0.5, -0.25, 0, -1.5]
+    assert e.torque.tolist() == [0.5, -0.25, 0, -2]
 
 
 def test_a_backdrivable_motor_is_a_given_torque() -> None:
@@ -325,18 +346,116 @@ def test_senses_of_commands_that_are_sought(
     assert e.command.tolist() == [0 if sought == [False] else command]
 
 
-@pytest.mark.parametrize(
-    ("torque", "expected"),
-    # friction -0.3 beside the lower stop. Terms are 0.6 together: 6e-14 is the least sum that is no rounding
-    [(0.3, 0.0), (0.3 + 5e-14, 0.0), (0.3 - 5e-14, 0.0), (0.3 + 7e-14, 7e-14), (0.3 - 7e-14, -7e-14)],
-)
-def test_sums_that_cancel_but_for_rounding_are_zero(torque: float, expected: float) -> None:
-    assert CANCELLED == 1e-13
-    e = equivalent_of(grasp([{"friction": 0.3, "stop": "lower", "torque": torque}]), None, ())
-    assert e.torque[0] == pytest.approx(expected, abs=1e-16)
-    back = {"b": ([-1.0], {"backdrivable": True})}
-    e = equivalent_of(grasp([{"torque": torque}], back, {"b": 0.3}), None, ())
-    assert e.torque[0] == pytest.approx(expected, abs=1e-16)
+EXACT = {  # what acts on a joint: friction beside the lower stop (-F), a spring, R and command of a backdrivable motor
+    "rounds": (0.1, 0.3, 0.0, 0.0),
+    "cancels": (0.3, 0.3, 0.0, 0.0),
+    "cancels but for an ulp": (0.3, np.nextafter(0.3, 1), 0.0, 0.0),
+    "cancels but for what is far below": (2.0**60, 2.0**60, 2.0**-30, -(2.0**-40)),
+    "three of ten": (0.1, 0.0, 0.3, 1.0),
+    "a product that rounds": (0.1, 1 / 3, -1 / 3, 1.0 + 2.0**-52),
+    "below all floats": (0.0, 0.0, 1e-45, 1e-290),
+}
+
+
+@pytest.mark.parametrize("case", EXACT)
+def test_sums_of_torques_are_exact(case: str) -> None:
+    friction, torque, weight, command = EXACT[case]
+    law = {"friction": friction, "torque": torque, "stop": "lower"}
+    back = {"b": ([weight or 1.0], {"backdrivable": True})}
+    e = equivalent_of(grasp([law], back, {"b": command} if command else {}), None, ())
+    exact = Fraction(torque) - Fraction(friction) + Fraction(weight) * Fraction(command)
+    assert Fraction(int(e.exact[0].p), int(e.exact[0].q)) == exact
+    assert e.torque[0] == float(exact) or (float(exact) == 0 and e.torque[0] == np.sign(exact) * 5e-324)
+    assert e.torque.any() == bool(exact)
+
+
+@pytest.mark.parametrize("scale", [1.0, 3e-11, 7e10, 1e-40, 1e40])
+def test_what_tied_joints_share_is_their_friction_exactly(scale: float) -> None:
+    """The slider carries 2 F together; each joint has its own friction of that, with no rounding."""
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(1, 5))
+        frictions = (scale * rng.exponential(size=n) ** rng.integers(1, 4)).tolist()
+        rates = rng.choice([-1, 1], n - 1) * rng.exponential(size=n - 1)
+        tied = [[rate if j == 0 else -1.0 if j == k + 1 else 0.0 for j in range(n)] for k, rate in enumerate(rates)]
+        e = equivalent_of(grasp([{"friction": F} for F in frictions], couplings=tied), None, ())
+        weights, total = -e.R[1, :n], Fraction(-e.torque[n]) / 2
+        signed = [F * s for F, s in zip(frictions, [1.0, *np.sign(rates)], strict=True)]
+        assert [Fraction(w) * total for w in weights] == [Fraction(F) for F in signed]
+        assert e.torque[:n].tolist() == signed
+        assert 0.5 <= np.abs(weights).sum() <= 1 + 1e-15  # u is no farther than the joints
+
+
+def test_chains_of_ties_keep_their_senses_beyond_all_numbers() -> None:
+    """Rates of 1e100 each, four joints on: no float has their product."""
+    laws = [{"friction": F} for F in (0.5, 0.25, 0.125, 0.0625, 0.0625)]
+    for far in (1e50, 1e-50):
+        rows = [[0.0] * k + [-far, 1 / far] + [0.0] * (3 - k) for k in range(4)]
+        rows[1][2] *= -1
+        e = equivalent_of(grasp(laws, couplings=rows), None, ())
+        assert e.torque.tolist() == [0.5, 0.25, -0.125, -0.0625, -0.0625, -2.0]
+        assert e.R.tolist() == [[0, 0, 0, 0, 0, 1], [-0.5, -0.25, 0.125, 0.0625, 0.0625, 1]]
+
+
+def test_the_equations_have_given_torques_exactly() -> None:
+    """0.3 - 0.1 and 2^60 + 1 are no floats: right-hand side, column of the scalar, balance of energy."""
+    laws = [{"friction": 0.1, "torque": 0.3, "stop": "lower"}, {"torque": 2.0**60}]
+    g = grasp_file(laws, {"b": ([0, 1.0], {"backdrivable": True})}, {"b": 1.0})
+    exact = [rational(0.3) - rational(0.1), fmpq(2**60 + 1)]
+    asked = read_question({"grasp": g, "goal": "check", "wrench": [1.0, 0, 0, 0, 0, 0]}, "")
+    equations = equations_of(asked)
+    side = RightSide.of(asked, None, len(equations.E))
+    assert side.h[6:].tolist() == asked.equivalent.torque.tolist() == [0.3 - 0.1, 2.0**60]
+    assert side.exact == [*rationals(side.h[:6]), *exact]
+    some = LeafRows(*(np.array([x]) for x in (int(Row.ENERGY), 0, 0, 0, 0)), np.array([[1.0, 0.0]]))
+    value, _ = row_values(asked, None, some)
+    row, factor = equations.exact.row(value[0])
+    q = equations.columns.q.start
+    assert [fmpq(row[q + j], factor) for j in range(2)] == exact
+    least = read_question({"grasp": g, "goal": "smallest preload", "wrench": [0.0] * 6, "direction": [1.0] * 6}, "")
+    equations = equations_of(least)
+    rows = [equations.exact.E[6 + j] for j in range(2)]
+    assert [fmpq(-row[equations.columns.scalar.start], factor) for row, factor in rows] == exact
+    assert RightSide.of(least, (0.0, 1.0), len(equations.E)).exact[6:] == [0, 0]
+
+
+@pytest.mark.parametrize("scale", [1e-10, 1e-5, 1.0, 1e5, 1e10])
+@pytest.mark.parametrize("strong", [2.0**k for k in (0, 20, 40, 44, 46, 50)])
+def test_a_spring_is_not_lost_beside_its_friction(scale: float, strong: float) -> None:
+    """A spring pushes a block against a wall, friction beside its stop takes all but 1 N of it: the push holds 0.1 N.
+
+    A proof that without it nothing holds is no proof about this question.
+    """
+    unit = 2.0 ** round(np.log2(scale))
+    forged = proof_of_slip(grasp_of_block(unit, unit), 0.1 * unit)
+    assert verify(forged).ok
+    q = block_asked(grasp_of_block(strong * unit, (strong - 1) * unit), 0.1 * unit)
+    assert q.equivalent.torque.tolist() == [unit]
+    assert not verify(replace(forged, question=q)).ok
+    c = [1.0, *(q.grasp.frames[0].T @ [-0.05, 0, 0])[1:], 1.0, *(q.grasp.frames[1].T @ [-0.05, 0, 0])[1:]]
+    none = np.zeros(0)
+    parts = ([0, 1.0, 0, 0, 0, 0], [2.0], c, none, none, [1 - strong], [0.0, 0.0])
+    x = State(*(unit * np.array(part, dtype=float) for part in parts))
+    found = prove(Problem.of(q, q.grasp.command, q.wrench), x)
+    assert found.exact or found.tolerant
+
+
+def grasp_of_block(torque: float, friction: float) -> dict[str, Any]:
+    contacts = [{"position": [0, 0.05 * s, 0], "normal": [0, -s, 0], "friction": 0.5} for s in (-1, 1)]
+    law = {"friction": friction, "torque": torque, "stop": "lower"}
+    joint = {"name": "a", "type": "prismatic", "axis": [0, 1, 0], "origin": [0, 0, 0], "moves": [0]} | law
+    none = {"actuators": [], "couplings": []}
+    return {"schema": "handfast/grasp/1", "contacts": contacts, "joints": [joint], "mechanism": none}
+
+
+def block_asked(grasp: dict[str, Any], load: float) -> Question:
+    return read_question({"grasp": grasp, "goal": "check", "wrench": [load, 0, 0, 0, 0, 0]}, "")
+
+
+def proof_of_slip(grasp: dict[str, Any], load: float) -> Certificate:
+    answer = check(from_dict(grasp), [load, 0, 0, 0, 0, 0])
+    assert answer.certificate is not None
+    return answer.certificate
 
 
 def test_rows_behind_those_of_the_grasp() -> None:

@@ -41,7 +41,7 @@ class Drawn:
     """A question with a state of it.
 
     Attributes:
-        x: (n,) the unknowns. motions: (3m+a+s,) d, t and turning.
+        x: (n,) the unknowns. motions: (3m+a+1+s,) d, t, the work of given torques, turning.
         kinds: of the contacts. moves: (a,) bool, t > 0.
     """
 
@@ -140,7 +140,7 @@ def drawn(
     x[at.r], x[at.q], x[at.c], x[at.f], x[at.coupling], x[at.twist] = r, q, force, f, coupling, twist
     x[at.scalar] = sigma
     x[at.e] = np.where(found.is_driven, command, 0.0)[: at.e.stop - at.e.start]
-    motions = np.concatenate([d.ravel(), sense * t, turning])
+    motions = np.concatenate([d.ravel(), sense * t, [found.grasp.torque @ q], turning])
     return Drawn(found, scalar, x, motions, kinds, t != 0)
 
 
@@ -169,7 +169,7 @@ def case_of(state: Drawn, rng: np.random.Generator) -> np.ndarray:
         if kind == "slide" and point and widest < HALF:
             cases += [(SLIDE, *sector)] * 3
         if kind == "slide" and not point:
-            slide = np.append(d[1:], state.motions[3 * m + q.actuators + i])
+            slide = np.append(d[1:], state.motions[3 * m + q.actuators + 1 + i])
             cases += [(SLIDE, patch_with(-slide, int(rng.integers(0, 4))), 0)] * 3
         out[i] = cases[int(rng.integers(len(cases)))]
     for j in range(q.actuators):

@@ -1,19 +1,21 @@
 """The model's equalities and motions of a question as matrices, rounded and exactly, and by how much loads may be off.
 
 Of the unknowns x (`rows.Columns`): E x = h are (1), (2), couplings, (8) where nothing is commanded, and the sum of
-commands; Z x are the motions (3): d of the contacts, t of the actuators, turning of soft fingers.
+commands; Z x are the motions (3): d of the contacts, t of the actuators, the work of given torques by them [W at unit
+stiffness], turning of soft fingers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from flint import fmpz, fmpz_mat
+from flint import fmpq, fmpz, fmpz_mat
 
-from handfast.proofs.fields import Array, Mask
+from handfast.proofs.fields import Array, Mask, rationals
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, Range
 from handfast.proofs.rows import UNIT, Columns
@@ -30,12 +32,12 @@ class Equations:
 
     Attributes:
         columns: of x.
-        E, Z: (p, n), (3m+a+s, n), entries of G and J rounded.
+        E, Z: (p, n), (3m+a+1+s, n), entries of G, J and given torques rounded.
         E_size, Z_size: sums of the absolute values of what entries are made of: |rounded - exact| <= `ROUNDED` size,
             and 0 only where the exact entry is.
         about: (p, p) that turns multipliers of forces of (1) into those of forces through the contacts' centroid.
         joint_units: (l',) of `GraspData`; of sliders, whose motion is a mean of others', the least.
-        grasp: for exact numbers.
+        grasp, given: for exact numbers: (l',) torques that are given to joints.
     """
 
     columns: Columns
@@ -46,11 +48,13 @@ class Equations:
     about: Array
     joint_units: Array
     grasp: GraspData
+    given: list[fmpq]
 
     @cached_property
     def scale(self) -> Array:
         """(n,) powers of two by which unknowns are scaled; forces of contacts have 1."""
-        largest = np.maximum(self.E_size.max(axis=0, initial=0.0), self.Z_size.max(axis=0, initial=0.0))
+        motions = np.delete(self.Z_size, len(self.Z) - len(self.grasp.soft) - 1, axis=0)  # work is none
+        largest = np.maximum(self.E_size.max(axis=0, initial=0.0), motions.max(axis=0, initial=0.0))
         out = power_near(largest)
         out[self.columns.c] = 1.0
         return 1.0 / out
@@ -131,8 +135,8 @@ class _Asked:
 def equations_of(q: Question) -> Equations:
     """Those of a question; kept, as a prepared grasp is asked again and again."""
     e, load = q.equivalent, q.load
-    arrays = (e.R, e.A, q.sense, q.may_move, q.is_driven, load.w_b, load.g_b)
-    return _made(_Asked((q.grasp, q.goal, q.sums, *(x.tobytes() for x in arrays)), q))
+    arrays = (e.R, e.A, q.sense, q.may_move, q.is_driven, load.w_b)
+    return _made(_Asked((q.grasp, q.goal, q.sums, *(x.tobytes() for x in arrays), tuple(e.exact)), q))
 
 
 @lru_cache(maxsize=32)
@@ -145,7 +149,7 @@ def _made(asked: _Asked) -> Equations:
     x, y, z = g.centroid
     about[:3, 3:6] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])  # v_force + v_torque x centroid
     units = np.append(g.joint_units, np.full(q.joints - g.l, g.joint_units.min(initial=g.size)))
-    return Equations(Columns.of(q), E, Z, E_size, Z_size, about, units, g)
+    return Equations(Columns.of(q), E, Z, E_size, Z_size, about, units, g, q.equivalent.exact)
 
 
 def _assembled(q: Question, maps: tuple[Array, Array, Array, Array]) -> tuple[Array, Array]:
@@ -164,9 +168,9 @@ def _assembled(q: Question, maps: tuple[Array, Array, Array, Array]) -> tuple[Ar
     if p > b4:
         E[b4:, at.scalar], E[b4:, at.e] = 1.0, -q.is_driven.astype(float)
     c, t = 3 * g.m, 3 * g.m + len(R)
-    Z = np.zeros((t + len(g.soft), at.n))
-    Z[:c, at.r], Z[:c, own], Z[c:t, at.q] = G.T, -J, R  # (3)
-    Z[t:, at.r], Z[t:, own] = twist_map.T, -twist_jacobian
+    Z = np.zeros((t + 1 + len(g.soft), at.n))
+    Z[:c, at.r], Z[:c, own], Z[c:t, at.q], Z[t, at.q] = G.T, -J, R, e.torque  # (3)
+    Z[t + 1 :, at.r], Z[t + 1 :, own] = twist_map.T, -twist_jacobian
     return E, Z
 
 
@@ -175,7 +179,7 @@ class RightSide:
     """What load and commands make of E x = h.
 
     Attributes:
-        h: (p,).
+        h: (p,) rounded; exact: the same as rational numbers.
         slack, growth: (p,) E x = h may be missed by slack + |scalar| growth, (1) about the contacts' centroid.
         slip, slip_growth: [N] likewise each contact's motion d, as a vector, beside Z x.
         energy: by how much the balance of energy may be missed.
@@ -183,6 +187,7 @@ class RightSide:
     """
 
     h: Array
+    exact: list[fmpq]
     slack: Array
     growth: Array
     slip: float
@@ -203,6 +208,9 @@ class RightSide:
         g, load = q.grasp, q.load
         h = np.zeros(p)
         h[:6], h[6 : 6 + q.joints] = -load.w_a, load.g_a
+        exact = rationals(h)
+        if load.g_a.any():
+            exact[6 : 6 + q.joints] = q.equivalent.exact
         units = np.zeros(p)
         units[: 6 + g.l] = np.concatenate([[1.0] * 3, [g.size] * 3, g.joint_units])
         of_load, grows = 0.0, 0.0
@@ -216,12 +224,12 @@ class RightSide:
         ends = scalar or (0.0, 0.0)
         slack, growth = EPS * of_load, EPS * grows
         most = max(of_load, grows)
-        return cls(h, slack * units, growth * units, slack, growth, WORK * of_load**2, most, ends)
+        return cls(h, exact, slack * units, growth * units, slack, growth, WORK * of_load**2, most, ends)
 
     def costs(self, q: Equations, v: Array, change: Array, z: Array, z_change: Array) -> tuple[Array, Array]:
         """(L,) upper bounds on what slack and growth take, for multipliers that differ from these by change at most.
 
-        v: (L, p) of E x = h. z: (L, 3m+a+s) of motions, those of the contacts count.
+        v: (L, p) of E x = h. z: (L, 3m+a+1+s) of motions, those of the contacts count.
         """
         size = np.abs(v @ q.about.T) + (change + 16 * UNIT * np.abs(v)) @ np.abs(q.about.T)
         m, soft = q.grasp.m, q.grasp.soft
@@ -254,6 +262,7 @@ class ExactRows:
         E, Z = _whole_rows(equations.E), _whole_rows(equations.Z)
         contacts = 3 * g.m
         turning = len(Z) - len(g.soft)
+        Z[turning - 1] = _whole({j: x for j, x in enumerate(equations.given, start=at.q.start) if x != 0})
         for row, exact in zip([*range(contacts), *range(turning, len(Z))], motion, strict=True):
             Z[row] = {i: x for i, x in enumerate(exact) if x != 0}, unit
         common = max(factor for _, factor in Z) if Z else 1
@@ -262,9 +271,11 @@ class ExactRows:
         places = [*range(at.c.start, at.c.stop), *range(at.twist.start, at.twist.stop)]
         for k in range(6 + g.l):
             own = {j: exact[k] if k < 6 else -exact[k] for j, exact in zip(places, motion, strict=True)}
-            row, factor = _whole(
-                {int(j): float(equations.E[k, j]) for j in np.flatnonzero(equations.E[k]) if j not in own}
-            )
+            others: dict[int, float | fmpq]
+            others = {int(j): float(equations.E[k, j]) for j in np.flatnonzero(equations.E[k]) if j not in own}
+            if k >= 6 and at.scalar.start in others:
+                others[at.scalar.start] = -equations.given[k - 6]
+            row, factor = _whole(others)
             shared = max(factor, unit)
             E[k] = {j: x * (shared // factor) for j, x in row.items()}, shared
             E[k][0].update({j: x * (shared // unit) for j, x in own.items() if x != 0})
@@ -317,9 +328,9 @@ def _rank(rows: list[Sparse], columns: list[int]) -> int:
     return alone + (int(fmpz_mat(table).rank()) if table else 0)
 
 
-def _whole(row: dict[int, float]) -> tuple[Sparse, int]:
+def _whole(row: Mapping[int, float | fmpq]) -> tuple[Sparse, int]:
     """Numbers times the least power of two that makes them whole, which is the second."""
-    ratios = {j: x.as_integer_ratio() for j, x in row.items()}
+    ratios = {j: (int(x.p), int(x.q)) if isinstance(x, fmpq) else x.as_integer_ratio() for j, x in row.items()}
     common = max((d for _, d in ratios.values()), default=1)
     return {j: fmpz(p * (common // d)) for j, (p, d) in ratios.items()}, common
 

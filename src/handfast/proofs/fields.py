@@ -229,3 +229,8 @@ def dot(a: Iterable[fmpq], b: Iterable[fmpq]) -> fmpq:
 def rounded(x: fmpq) -> float:
     """The nearest floating-point number; integers of any length."""
     return int(x.p) / int(x.q)
+
+
+def not_zero(x: fmpq) -> float:
+    """The same, but never 0 for what is not: the smallest floating-point number with its sign stands for that."""
+    return rounded(x) or 5e-324 * ((x > 0) - (x < 0))

@@ -13,20 +13,21 @@ Each step replaces a law by one that allows the same pairs of motion and torque;
 - *Joints that are tied* to each other rigidly and may move have one friction, of the weighted sum of their motions.
 - Friction of a joint that is held rigidly does nothing.
 
-Actuators with a largest force, passive reaction included, are no part of these mergers.
+Actuators with a largest force, passive reaction included, are no part of these mergers. All of it is exact: sums of
+torques are rational numbers, and weights times F are the frictions of the joints without any rounding (`shared`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+from flint import fmpq
 
-from handfast.proofs.fields import Array, BadFile, Integers, Mask
+from handfast.proofs.fields import Array, BadFile, Integers, Mask, dot, not_zero, rational, rationals
 from handfast.proofs.grasp import GraspData
-
-CANCELLED = 1e-13  # relative: a sum of given torques below this is one of rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Equivalent:
         sliders: s', joints that are added behind the grasp's; they touch nothing.
         kept: (a0,) actuators of the grasp that are its first rows: all that are not backdrivable.
         R, A: (a', l + s'), (k', l + s'). tendon: (a',) bool. command: (a',) f_c.
-        torque: (l + s',) that is given.
+        torque: (l + s',) that is given, rounded once. exact: the same as rational numbers.
         drives: is anything given that may put energy in, as springs and backdrivable motors do? Friction only takes.
         held: (l,) bool, joints that are held rigidly.
     """
@@ -49,6 +50,7 @@ class Equivalent:
     tendon: Mask
     command: Array
     torque: Array
+    exact: list[fmpq]
     drives: bool
     held: Mask
 
@@ -72,7 +74,8 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
     command = g.command if sought is None else np.where(sought | back, g.command, 0.0)
     kept, drives = np.flatnonzero(~back), bool(g.torque.any() or g.command[back].any())
     if not g.has_laws:
-        return Equivalent(0, kept, g.R, g.A, g.tendon, command, g.torque, drives, np.zeros(g.l, dtype=bool))
+        held = np.zeros(g.l, dtype=bool)
+        return Equivalent(0, kept, g.R, g.A, g.tendon, command, g.torque, rationals(g.torque), drives, held)
     R, f_c = g.R[kept], command[kept]
     free = np.array([g.actuators[i] not in limited for i in kept], dtype=bool)
     one_sided = ((f_c != 0) | g.tendon[kept] | (False if sought is None else sought[kept])) & free
@@ -92,13 +95,14 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
         sense = _sense(rates, stops, R[one_sided], f_c[one_sided], held)
         reaction += -sense * along if sense else along
         if not sense:
-            total = float(g.friction[rubs].sum())
-            sliders.append((along / total, total))
-    return _assembled(g, kept, f_c, R, both, stops, sliders, _torques(g, reaction), drives, held)
+            sliders.append(shared(along))
+    exact = given_torques(g.torque, g.R[back], g.command[back], reaction)
+    exact += [rational(-2 * total) for _, total in sliders]
+    return _assembled(g, kept, f_c, R, both, stops, sliders, exact, drives, held)
 
 
 def _ties(l: int, rows: list[Array], both: Mask) -> tuple[Mask, list[dict[int, float]]]:
-    """(l,) bool which joints are held rigidly; the others in groups that move alike, each joint with its rate."""
+    """(l,) bool which joints are held rigidly; the others in groups that move alike, each joint with its sense."""
     held, found = both.copy(), True
     while found:  # what is tied to nothing but held joints is held
         found = False
@@ -112,7 +116,7 @@ def _ties(l: int, rows: list[Array], both: Mask) -> tuple[Mask, list[dict[int, f
         if len(two) != 2 or groups[two[0]] is groups[two[1]]:
             continue
         first, second = groups[two[0]], groups[two[1]]
-        rate = -row[two[0]] / row[two[1]] * first[two[0]] / second[two[1]]  # q_b = rate q_a
+        rate = -np.sign(row[two]).prod() * first[two[0]] * second[two[1]]  # q_b = rate q_a, but for its size
         first.update({j: rate * x for j, x in second.items()})
         groups.update(dict.fromkeys(second, first))
     return held, list({id(group): group for group in groups.values()}.values())
@@ -130,12 +134,23 @@ def _sense(rates: dict[int, float], stops: list[tuple[int, float]], R: Array, f_
     return 0.0
 
 
-def _torques(g: GraspData, reaction: Array) -> Array:
-    """(l,) given torques and what friction adds to them; 0 where they cancel but for rounding."""
-    own = g.torque + g.R[g.backdrivable].T @ g.command[g.backdrivable]
-    terms = np.abs(g.R[g.backdrivable].T) @ np.abs(g.command[g.backdrivable]) + np.abs(g.torque)
-    total = own + reaction
-    return np.where(np.abs(total) > CANCELLED * (terms + np.abs(reaction)), total, 0.0)
+def given_torques(torque: Array, R: Array, command: Array, reaction: Array) -> list[fmpq]:
+    """(l,) the torques that are given to joints, of commands (a,) behind R (a, l), and what friction adds, exactly."""
+    columns = [dot(rationals(column), rationals(command)) for column in R.T]
+    return [x + y + z for x, y, z in zip(rationals(torque), columns, rationals(reaction), strict=True)]
+
+
+def shared(along: Array) -> tuple[Array, float]:
+    """Frictions with their senses (l,) as weights times F, exactly: the weights, at most 1 together, and F.
+
+    F is the friction of a joint that rubs alone; of several the power of two that is not below their sum.
+    """
+    rubs = along[along != 0].tolist()
+    if len(rubs) == 1:
+        return np.sign(along), abs(rubs[0])
+    fraction, exponent = math.frexp(math.fsum(map(abs, rubs)))
+    total = math.ldexp(1.0, exponent - (fraction == 0.5))
+    return along / total, total
 
 
 def _assembled(
@@ -146,7 +161,7 @@ def _assembled(
     both: Mask,
     stops: list[tuple[int, float]],
     sliders: list[tuple[Array, float]],
-    torque: Array,
+    exact: list[fmpq],
     drives: bool,
     held: Mask,
 ) -> Equivalent:
@@ -168,7 +183,8 @@ def _assembled(
         A,
         np.concatenate([g.tendon[kept], more]),
         np.concatenate([f_c, np.zeros(rows - own)]),
-        np.concatenate([torque, [-2 * total for _, total in sliders]]),
+        np.array([not_zero(x) for x in exact]),
+        exact,
         drives,
         held,
     )

@@ -35,7 +35,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
-from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, rational, rounded
+from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, rational, rationals, rounded
 from handfast.proofs.rows import UNIT
 
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
@@ -61,7 +61,7 @@ class CitedRows:
     """Rows of leaves, one after the other.
 
     Attributes:
-        value, right: (R, n+3m+a+s), (R,) of `rows.row_values`.
+        value, right: (R, n+3m+a+1+s), (R,) of `rows.row_values`.
         either: (R,) bool, multipliers may have any sign.
         y: (R,) multipliers, not negative.
         start: (L+1,) leaf i has the rows start[i] to start[i+1].
@@ -466,9 +466,9 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     if basis:
         others = sorted(set(range(len(table))) - set(basis))
         matrix = fmpq_mat(len(basis), len(basis), [fmpq(table[j].get(i, 0)) for i in columns for j in basis])
-        right = [-dot((w[j] for j in others), (fmpq(table[j].get(i, 0)) for j in others)) for i in columns]
+        rest = [-dot((w[j] for j in others), (fmpq(table[j].get(i, 0)) for j in others)) for i in columns]
         try:
-            found = matrix.solve(fmpq_mat(len(basis), 1, right))
+            found = matrix.solve(fmpq_mat(len(basis), 1, rest))
         except ZeroDivisionError:  # singular
             return NONE
         for place, j in enumerate(basis):
@@ -481,7 +481,8 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
         return NONE
 
     w = [x * factor for x, (_, factor) in zip(w, rows, strict=True)]  # of rows as they are
-    terms = [x * rational(b) for x, b in zip(w, [*s.rows.right[own], *s.side.h[ties]], strict=True)]
+    right = [*rationals(s.rows.right[own]), *(s.side.exact[k] for k in ties)]
+    terms = [x * b for x, b in zip(w, right, strict=True)]
     size = sum((abs(x) for x in terms), ZERO)
     if size == 0:
         return NONE
@@ -499,8 +500,8 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     if not np.isfinite(cost):
         return NONE
     value = sum(terms, ZERO) - rational(cost)
-    rest = np.zeros((1, len(s.alive[leaf])))
-    rest[0, list(total)] = [rounded(x) for x in total.values()]
-    weight = float(q.reach(rest, np.abs(rest) * 1e-9)[0])
+    left = np.zeros((1, len(s.alive[leaf])))
+    left[0, list(total)] = [rounded(x) for x in total.values()]
+    weight = float(q.reach(left, np.abs(left) * 1e-9)[0])
     cap = max(rounded(value), 0.0) / (2 * weight) if weight > 0 else np.inf
     return rounded(value / size), cap

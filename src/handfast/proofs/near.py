@@ -21,11 +21,10 @@ from math import comb
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from handfast.proofs.fields import Array, cross, dot, rational, rationals, rounded
+from handfast.proofs.fields import Array, cross, dot, not_zero, rational, rationals, rounded
 from handfast.proofs.states import ULP, Contact, Modes, Part, Problem, State, reaction_ends, sense
 from handfast.proofs.tolerance import EPS, WORK
 
-TINY = 5e-324  # [N m or N] stands for what is smaller, but not 0
 BELOW, ABOVE = 1 - 1e-6, 1 + 1e-9  # what is allowed, and what is bounded, with room for the rounding of bounds
 
 
@@ -161,7 +160,7 @@ class _Curve:
         if not rows or not any(x != 0 for y in q for x in y):
             return np.zeros((len(q), len(rows)))
         exact = (fmpq_mat(q) * fmpq_mat(rows).transpose()).tolist()
-        return np.array([[rounded(x) or TINY * ((x > 0) - (x < 0)) for x in y] for y in exact])
+        return np.array([[not_zero(x) for x in y] for y in exact])
 
     # --- contacts
 

@@ -30,7 +30,10 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class AffineLoad:
-    """Load w_a + sigma w_b (6,), magnitudes of commands f_a + sigma f_b (a',), given torques g_a + sigma g_b (l',)."""
+    """Load w_a + sigma w_b (6,), magnitudes of commands f_a + sigma f_b (a',), given torques g_a + sigma g_b (l',).
+
+    Given torques are rounded once, see `Equivalent.exact`.
+    """
 
     w_a: Array
     w_b: Array

@@ -213,7 +213,7 @@ def zeros(q: Question, cases: Integers) -> Mask:
 
 
 def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array, Array]:
-    """(R, n+3m+a+s) coefficients of x and of the motions d, t, turning; (R,) right-hand sides: value >= right.
+    """(R, n+3m+a+1+s) coefficients of x and of `Equations.Z`; (R,) right-hand sides: value >= right.
 
     These are the numbers that a proof is about, taken as they are. Directions are rounded, and contact frames are of
     unit length and at right angles but for rounding: rows of the friction cone and bounds on |d_t| give way by `WIDER`,
@@ -223,7 +223,7 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
     at, m, a = Columns.of(q), q.grasp.m, q.actuators
     kind, index, count = rows.kind, rows.index, len(rows.kind)
     cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
-    value, right = np.zeros((count, at.n + 3 * m + a + len(q.grasp.soft))), np.zeros(count)
+    value, right = np.zeros((count, at.n + 3 * m + a + 1 + len(q.grasp.soft))), np.zeros(count)
     Ua, Ub = directions(rows.a), directions(rows.b)
     both = 1.0 + (Ua * Ub).sum(axis=1)
     mu = np.append(q.grasp.mu, 0.0)[np.where(OF_CONTACT[kind], index, m)]
@@ -303,7 +303,7 @@ def _put_soft(q: Question, rows: LeafRows, value: Array) -> None:
         else:
             motion[k] = -part.planes[b[k]]
     motion[:, 2] += (kind == Row.TURN_UP).astype(float) - (kind == Row.TURN_DOWN)
-    first, turning = at.n + 3 * i, at.n + 3 * q.grasp.m + q.actuators + s
+    first, turning = at.n + 3 * i, at.n + 3 * q.grasp.m + q.actuators + 1 + s
     value[here, at.c.start + 3 * i] += normal
     for axis in (0, 1):
         value[here, at.c.start + 3 * i + 1 + axis] += force[:, axis]
@@ -319,7 +319,7 @@ def _put_energy(q: Question, rows: LeafRows, value: Array, right: Array) -> None
         return
     at, m, a = Columns.of(q), q.grasp.m, q.actuators
     x, f_c, per_scalar = rows.references[rows.index[here]], q.load.f_a, q.load.f_b
-    value[here, at.r], value[here, at.q] = q.load.w_a, q.load.g_a
+    value[here, at.r], value[here, at.n + 3 * m + a] = q.load.w_a, float(q.load.g_a.any())
     slip = EPS * (1 + 1e-6) * load_scale(q.grasp, q.load.w_a)  # of which friction and pressure make work
     value[here[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m] + slip * (1 + q.grasp.mu)
     value[here[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_scalar) * (1 + 4 * UNIT)

@@ -31,10 +31,10 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.model.grasp import LARGEST, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
+from handfast.proofs.fields import not_zero
+from handfast.proofs.joint_laws import given_torques, shared
 from handfast.stability.problem import model
 from handfast.stability.problem.model import State
-
-CANCELLED = 1e-13  # relative: a sum of given torques below this is one of rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,8 @@ class FrictionPair:
     Attributes:
         slider: number of the joint u among those of the equivalent grasp.
         first: number of its row t+ = u; the next one is t- = u - weights . q.
-        weights: (l,) of the motions of the grasp's joints; friction F_i and sense over their sum.
-        friction: the sum [N m or N].
+        weights: (l,) of the motions of the grasp's joints; friction F_i and sense over F, see `joint_laws.shared`.
+        friction: F [N m or N].
     """
 
     slider: int
@@ -227,7 +227,6 @@ class _Replacing:
             one_sided |= driven[self.kept]
         free = np.array([mech.actuators[i] not in limited for i in self.kept], dtype=bool)
         self.one_sided, self.rigid = one_sided & free, ~one_sided & free
-        self.torque = grasp.given_torques + mech.R[back].T @ grasp.command[back]
         self.reaction = np.zeros(grasp.l)
         self.both = [j for j, joint in enumerate(grasp.joints) if joint.stop == "both"]
         self.held, self.tie = self._ties()
@@ -289,18 +288,16 @@ class _Replacing:
                 self.reaction -= sense * of_rates
                 continue
             self.reaction += of_rates
-            total = float(friction[rubs].sum())
-            weights = of_rates / total
+            weights, total = shared(of_rates)
             sliders.append((weights, total, float((arms[rubs] / np.abs(weights[rubs])).min())))
         self._check_size(len(sliders))
         return self._assembled(sliders, arms)
 
     def _sums(self) -> Array:
-        """(l,) given torques and what friction adds to them; 0 where they cancel but for rounding."""
+        """(l,) given torques and what friction adds to them, rounded once."""
         g, back = self.grasp, np.array(self.grasp.mechanism.backdrivable, dtype=bool)
-        terms = np.abs(g.mechanism.R[back].T) @ np.abs(g.command[back]) + np.abs(g.given_torques)
-        total = self.torque + self.reaction
-        return np.where(np.abs(total) > CANCELLED * (terms + np.abs(self.reaction)), total, 0.0)
+        exact = given_torques(g.given_torques, g.mechanism.R[back], g.command[back], self.reaction)
+        return np.array([not_zero(x) for x in exact])
 
     def _check_size(self, sliders: int) -> None:
         g, a = self.grasp, len(self.kept)
