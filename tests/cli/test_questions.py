@@ -108,6 +108,26 @@ def test_friction_and_limits(grasp: str, capsys: pytest.CaptureFixture[str]) -> 
     assert limited["lower"] <= 2.23
 
 
+def test_a_limit_below_the_preload_is_named(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """It contradicts the commands: the grasp does not slip by itself."""
+    asked = ["check", grasp, "--wrench", "0", "1", "0", *QUICK]
+    status, out, _ = run(capsys, *asked, "--torque-limit", "left=0.05")
+    assert (status, out.split()[0]) == (0, "SLIPS")
+    assert "left is commanded 0.1 N·m and may carry 0.05 N·m: no state has both." in out
+    assert "Without the limits (--torque-limit, --force-limit) it is resisted." in out
+    assert "its own forces do not balance" not in out
+    _, out, _ = run(capsys, "torques", grasp, "--wrench", "0", "1", "0", "--torque-limit", "left=0.05", *QUICK)
+    assert "no state has both" not in out  # other commands are sought
+
+
+def test_a_sweep_tells_how_many_of_its_cases_slip(capsys: pytest.CaptureFixture[str]) -> None:
+    """A third finger that presses much harder than the others throws the object out."""
+    commands = ["--joint", "finger_3_prox", "--from", "0.03", "--to", "0.12", "--steps", "2"]
+    _, out, _ = run(capsys, "sweep", "fig11", *commands, "--direction", "0", "0", "0", "1", "0", "0", *QUICK)
+    text = "The command of finger_3_prox varies: something is resisted in 1 of 2 cases."
+    assert out.startswith(f"SLIPS IN 1 OF 2  {text}")
+
+
 def test_undecided_is_status_3(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     answer = ask(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "--timeout", "1e-6", status=3)
     assert (answer["verdict"], answer["stop"]) == ("undecided", "time")

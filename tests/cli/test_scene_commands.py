@@ -56,6 +56,16 @@ def test_close_then_contacts(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("can")
+def test_close_refuses_a_motor_that_the_hand_does_not_have(capsys: pytest.CaptureFixture[str]) -> None:
+    close = ["close", "barrett-bh8-280", "can.json", "--pose", "open.json"]
+    said = ["--preload: unknown actuator 'finger_9'", "did you mean 'finger_"]
+    complains(capsys, [*close, "--preload", "finger_9=1"], said)
+    data = json.loads(Path("open.json").read_text()) | {"preload": {"elbow": 1.0}}
+    Path("open.json").write_text(json.dumps(data))
+    complains(capsys, close, ["open.json: preload: unknown actuator 'elbow'"])
+
+
+@pytest.mark.usefixtures("can")
 def test_close_keeps_a_joint_still(capsys: pytest.CaptureFixture[str]) -> None:
     close = ["close", "barrett-bh8-280", "can.json", "--pose", "open.json", "--closing"]
     answer = ask(capsys, *close, "finger_3_prox=0")

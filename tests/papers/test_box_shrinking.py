@@ -11,7 +11,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from handfast.core.branch import BranchAndPrune, Discarded, Order
+from handfast.core.branch import BranchAndPrune, Discarded, Order, Split
 from handfast.core.errors import InputError
 from handfast.model.region import Cap
 from handfast.papers.box_shrinking import (
@@ -254,6 +254,17 @@ def test_a_missing_solver_is_named(monkeypatch):
 def test_settings_are_checked(change, message):
     with pytest.raises(InputError, match=message):
         ShrinkingSettings(**change)
+
+
+def test_a_pass_ends_with_the_time():
+    """The box is to be gone on with, as it is; no program is solved after the end."""
+    solver = PaperSolver(finger(0.15), QUICK, end=0.0)
+    out = solver.examine(solver.root)
+    assert isinstance(out, Split)
+    (left,) = out.children
+    assert (left.lower == solver.root.lower).all()
+    assert (left.upper == solver.root.upper).all()
+    assert solver.statistics.programs == 0
 
 
 def test_saved_boxes_are_checked():

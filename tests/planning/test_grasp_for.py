@@ -30,7 +30,9 @@ from handfast import (
 from handfast.cli import main
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
+from handfast.planning.evaluation import preload_search
 from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
+from handfast.planning.evaluation.local_search import LocalSearch
 from handfast.planning.evaluation.steps import Gradients, Steps
 from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.question import Allowed
@@ -38,6 +40,7 @@ from handfast.planning.ranking import BETTER, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.search import Journal
 from handfast.stability.problem.loads import Loads
+from handfast.stability.studies.hold import hold
 from handfast.synthesis.search.starts import Starts, Walks
 from handfast.synthesis.solution import whole
 from handfast.synthesis.task_problem import TaskProblem
@@ -134,6 +137,28 @@ def test_an_interruption_keeps_what_was_found() -> None:
     assert answer.stop is Stop.INTERRUPTED
     assert 0 < len(answer.grasps) < 50
     assert all(g.solution.verify().ok for g in answer.grasps)
+
+
+def test_an_interruption_while_commands_are_sought_ends_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was found stays, with the first commands that held; the least are not waited for."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(LocalSearch, "proof", interrupted)
+    answer = grasp_for(load_task(NAME), loads=ONE, count=50, jobs=1)
+    assert answer.stop is Stop.INTERRUPTED
+    assert answer.grasps
+    assert all(g.answer.verdict is Verdict.HOLDS and g.answer.lower == 0 for g in answer.grasps)
+    assert not answer.search.found  # whoever goes on looks for the least ones again
+
+
+def test_an_interruption_of_a_query_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A query that Ctrl-C ended says so in its answer, which is no reason to drop the grasp and go on."""
+    stopped = replace(hold(load_grasp("fig1"), Loads.wrench([0, 0, 0])), stop=Stop.INTERRUPTED)
+    monkeypatch.setattr(preload_search, "hold", lambda *_, **__: stopped)
+    answer = grasp_for(load_task(NAME), loads=ONE, count=50, jobs=1)
+    assert (answer.stop, answer.grasps, answer.tally.total) == (Stop.INTERRUPTED, (), 0)
 
 
 def test_what_cannot_balance_is_never_returned() -> None:

@@ -319,6 +319,15 @@ def test_the_command_writes_files_that_load(tmp_path: Path, capsys: pytest.Captu
         command(tmp_path, count=1).run()
 
 
+def test_a_margin_that_was_not_asked_is_told_with_its_reason(planned: Plan, capsys: pytest.CaptureFixture[str]) -> None:
+    first, *others = planned.grasps
+    cut = replace(planned, grasps=(*others, replace(first, quality=None)), stop=Stop.TIME)
+    PlanGrasps(hand="barrett-bh8-280", object="ball.json")._show(cut)
+    said = capsys.readouterr().out
+    assert "not asked" in said
+    assert "Not asked of 1 grasp before the time ran out." in said
+
+
 def test_fewer_than_asked_for_is_undecided(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command(tmp_path, count=50, attempts=3).run() == 3
     out = capsys.readouterr().out

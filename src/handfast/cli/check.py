@@ -88,6 +88,7 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
         from handfast.cli import tables
         from handfast.core.answer import Verdict
         from handfast.stability.answers import check, maximum
+        from handfast.stability.problem.grasp_limits import GraspLimits
         from handfast.stability.problem.settings import Settings
 
         tables.show_check(console.out(), grasp, wrench.tolist(), answer, self)
@@ -95,4 +96,6 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
             # too much, too little, or was there no equilibrium to disturb? A short look tells
             short = {**options, "mdp": self.mdp, "settings": Settings(timeout=5.0)}
             alone, most = check(grasp, [0.0] * 6, **short), maximum(grasp, wrench, **short)
-            tables.show_beside(console.out(), alone, most)
+            limited = bool(self.torque_limit) or self.force_limit is not None
+            exact = short | {"limits": GraspLimits(options["limits"].eta)}
+            tables.show_beside(console.out(), alone, most, check(grasp, wrench, **exact) if limited else None)

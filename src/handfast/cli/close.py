@@ -61,6 +61,8 @@ class Close(SceneOptions, Command):
         senses = self._closing()
         hand = hand.with_closing(senses) if senses else hand
         preload = assigned(self.preload, "--preload") if self.preload else placed.preload
+        if self.mechanism == "hand":  # the other one has a motor for each joint of the grasp
+            hand.mechanism.commands(preload, field="--preload" if self.preload else f"{self.pose}: preload")
         with console.watch("close"):
             scene = Scene(hand, body)
             closed = close(hand, q0, body, placed.pose, threshold=self.threshold, scene=scene)

@@ -180,7 +180,7 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
             for g in planned.grasps:
                 q, most = g.quality, largest_command(g.grasp)
                 unit = words.actuator_unit(g.grasp, most["actuator"]) if most["actuator"] else ""
-                measured = [""] * 3
+                measured = ["not asked", "", ""]
                 if q:
                     sure = "fragile" if q.fragile else "robust"
                     measured = [words.margin_figure(q.margin), sure, words.num(1e3 * q.clearance, 3)]
@@ -190,6 +190,10 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
                 grid.add_row(*numbers, *measured[:2], command, measured[2], links)
             out.print(grid)
             out.print(f"Margin: {words.MARGIN}. Best first: {words.BEST_FIRST}.", style="dim", soft_wrap=True)
+            if left := sum(g.quality is None for g in planned.grasps):
+                why = "it was interrupted" if planned.stop is Stop.INTERRUPTED else "the time ran out"
+                again = "; --resume with more --timeout asks" if self.output else ""
+                out.print(f"Not asked of {words.count(left, 'grasp')} before {why}{again}.", style="yellow")
             for g in planned.grasps:
                 out.print(f"Preload of {planned.number(g)}: {words.preload_text(g.grasp)}", soft_wrap=True)
         worst = overlaps_text(planned.tally)

@@ -141,7 +141,7 @@ def show_sampled(found: SampledMaximum) -> None:
         grid.add_row(f"with eta = {eta}°, equation (17)", bound_text(found.uncertain, factor))
     for share, value in found.quantiles.items():
         word = "the worst sample" if share == 0 else f"{num(100 * share)} % of the samples at most"
-        grid.add_row(word, num(factor * value))
+        grid.add_row(word, "any size" if value == float("inf") else num(factor * value))
     out.print(grid)
     for line in conclusion(found):
         out.print(f"  {line}")

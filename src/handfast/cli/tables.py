@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ from rich.text import Text
 
 from handfast.cli import console
 from handfast.cli.console import table
+from handfast.cli.options import assigned
 from handfast.core.answer import Verdict
 from handfast.pictures import sentences, words
 from handfast.pictures.words import joint_text, laws_text, num, vector
@@ -50,7 +51,7 @@ def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[Chec
     verdicts = [a.verdict for a in answers]
     worst = next(v for v in (Verdict.SLIPS, Verdict.UNDECIDED, Verdict.HOLDS) if v in verdicts)
     held = f"{verdicts.count(Verdict.HOLDS)} of {len(verdicts)} disturbances are resisted."
-    _head(out, grasp, worst, held, asked)
+    _head(out, grasp, worst, held, asked, commands=grasp.preload)
     grid = table("disturbance", "", "load", "shown by")
     for name, wrench, a in zip(loads.names, loads.wrenches, answers, strict=True):
         shown = "a state" if a.found else sentences.certified(a.certificate, a.verified) if a.certificate else "–"
@@ -71,9 +72,18 @@ def show_margin(out: Console, margin: Margin) -> None:
     out.print(sentences.margin_note(margin), style="dim")
 
 
-def show_beside(out: Console, alone: CheckAnswer, most: MaxAnswer) -> None:
-    """Where a disturbance slips: does the preload alone hold, and is more or less of the disturbance resisted?"""
-    if alone.verdict is Verdict.SLIPS:
+def show_beside(out: Console, alone: CheckAnswer, most: MaxAnswer, free: CheckAnswer | None = None) -> None:
+    """Where a disturbance slips: does the preload alone hold, and is more or less of the disturbance resisted?
+
+    free: the answer without the limits of torques and forces; None if there are none.
+    """
+    if free is not None and free.verdict is Verdict.HOLDS:
+        out.print("Without the limits (--torque-limit, --force-limit) it is resisted.")
+    elif free is not None:
+        out.print(f"Without the limits (--torque-limit, --force-limit), too: {free.verdict}.")
+    if alone.verdict is Verdict.SLIPS and free is not None:
+        out.print("The preload alone slips already within these limits.")
+    elif alone.verdict is Verdict.SLIPS:
         out.print("The preload alone slips already: its own forces do not balance on the object.")
     elif alone.verdict is Verdict.HOLDS:
         out.print("The preload alone holds.")
@@ -171,6 +181,19 @@ def _figures(part: Replay) -> str:
     return ", ".join(out)
 
 
+def _cases(answer: MapAnswer | SweepAnswer) -> str:
+    """In how many cases something is resisted."""
+    verdicts = [v for c in answer.judged for v in c.verdicts]
+    return f"something is resisted in {verdicts.count(Verdict.HOLDS)} of {words.count(len(verdicts), 'case')}"
+
+
+def _share(answer: MapAnswer | SweepAnswer) -> str:
+    """Of how many cases the verdict is, where it is not that of all: ' IN 3 OF 21'."""
+    verdicts = [v for c in answer.judged for v in c.verdicts]
+    of = verdicts.count(answer.verdict)
+    return "" if of == len(verdicts) else f" IN {of} OF {len(verdicts)}"
+
+
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
     grid = table("", "any size", "limited", "none", "open", "largest [N]", "smallest [N]")
     named = [("no preload", answer.passive), ("with preload", answer.preloaded)]
@@ -178,7 +201,8 @@ def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
         if curve is not None:
             grid.add_row(name, *_counts(curve))
     plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane, {words.place_text(answer.at)}"
-    _head(out, answer.grasp, answer.verdict, f"{plane} in {num(answer.seconds, 3)} s.", asked)
+    text = f"{plane}: {_cases(answer)}, {num(answer.seconds, 3)} s."
+    _head(out, answer.grasp, answer.verdict, text, asked, share=_share(answer), commands=answer.grasp.preload)
     out.print()
     out.print(grid)
     _written(out, asked)
@@ -186,7 +210,9 @@ def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
 
 def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
     grasp = answer.grasp
-    _head(out, grasp, answer.verdict, f"The command of {answer.actuator} varies.", asked)
+    others = {name: value for name, value in grasp.preload.items() if name != answer.actuator}
+    text = f"The command of {answer.actuator} varies: {_cases(answer)}."
+    _head(out, grasp, answer.verdict, text, asked, share=_share(answer), commands=others)
     heads = []
     for d in answer.directions:
         heads.append(f"{words.direction_text(d)} [{words.magnitude(d)[1]}]")
@@ -283,8 +309,9 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
 
 
 def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:
-    fragile = sentences.fragile(answer)
-    _head(out, grasp, answer.verdict, sentence, asked, unreal=sentences.unphysical(answer.witness), fragile=fragile)
+    unreal, fragile = sentences.unphysical(answer.witness), sentences.fragile(answer)
+    commands = {} if answer.query == "torques" else grasp.preload
+    _head(out, grasp, answer.verdict, sentence, asked, unreal=unreal, fragile=fragile, commands=commands)
     why = sentences.reason(answer, asked.settings())
     if why:
         out.print(why, style="yellow")
@@ -298,10 +325,13 @@ def _head(
     sentence: str,
     asked: QueryOptions,
     *,
+    commands: Mapping[str, float],
     unreal: bool = False,
     fragile: bool = False,
+    share: str = "",
 ) -> None:
-    word, style = (verdict.upper() + "?", "bold yellow") if unreal else (verdict.upper(), STYLE[verdict])
+    """commands: with which it is asked; share: of the cases that have the verdict."""
+    word, style = (verdict.upper() + "?", "bold yellow") if unreal else (verdict.upper() + share, STYLE[verdict])
     if fragile and not unreal:
         word, style = f"{word}, FRAGILE", "bold yellow"
     out.print(Text.assemble((word, style), "  ", sentence))
@@ -310,6 +340,13 @@ def _head(
     out.print(f"{grasp.name}: {facts}", style="dim")
     if laws := laws_text(grasp):
         out.print(laws, style="dim", soft_wrap=True)
+    for name, most in assigned(asked.torque_limit, "--torque-limit").items():
+        if abs(commands.get(name, 0.0)) > most:
+            unit = words.actuator_unit(grasp, name)
+            text = (
+                f"{name} is commanded {num(commands[name])} {unit} and may carry {num(most)} {unit}: no state has both."
+            )
+            out.print(text, style="yellow", soft_wrap=True)
 
 
 def _written(out: Console, asked: QueryOptions) -> None:

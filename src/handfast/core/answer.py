@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 
 class Verdict(StrEnum):
@@ -47,6 +47,21 @@ class Timed(Protocol):
     def seconds(self) -> float: ...
     @property
     def nodes(self) -> int: ...
+
+
+class _Stopped(Protocol):
+    @property
+    def stop(self) -> Stop: ...
+
+
+A = TypeVar("A", bound=_Stopped)
+
+
+def uninterrupted(answer: A) -> A:
+    """An answer as it is; `KeyboardInterrupt` if Ctrl-C ended it: for what is made of whole answers only."""
+    if answer.stop is Stop.INTERRUPTED:
+        raise KeyboardInterrupt
+    return answer
 
 
 def header(answer: Timed, query: str) -> dict[str, Any]:

@@ -153,11 +153,13 @@ class PaperSolver:
         system: what is solved.
         settings: how.
         statistics: what was spent so far.
+        end: on the monotonic clock; a pass ends then with the bounds that it has, and is to be gone on with.
     """
 
     system: Canonical
     settings: ShrinkingSettings = field(default_factory=ShrinkingSettings)
     statistics: Statistics = field(default_factory=Statistics)
+    end: float = float("inf")
 
     def __post_init__(self) -> None:
         highspy()  # missing: say so before the search begins
@@ -174,6 +176,11 @@ class PaperSolver:
         """How many of the variables of x, the first ones, are shrunk, split and held against sigma."""
         return self.system.expanded.n if self.settings.over is Over.ALL else self.system.n_v
 
+    @property
+    def late(self) -> bool:
+        """Is the time over?"""
+        return time.monotonic() >= self.end
+
     def examine(self, region: SystemBox) -> Outcome[SystemBox]:
         """One pass over a box, then what it calls for: another pass, bisection, or the end."""
         begun, n = time.perf_counter(), self.width
@@ -183,7 +190,7 @@ class PaperSolver:
             out = Discarded(after)
         elif after.sides[:n].max() <= self.settings.sigma:
             out = Final(after)
-        elif after.sides[:n].sum() < (1 - self.settings.significant) * region.sides[:n].sum():
+        elif self.late or after.sides[:n].sum() < (1 - self.settings.significant) * region.sides[:n].sum():
             out = Split((after,), nodes=0)
         else:
             out = Split(bisect(after, n))
@@ -204,7 +211,7 @@ class PaperSolver:
         empty: Emptiness | None = None
         for k in range(self.width):
             for sign in (1.0, -1.0):
-                if empty or upper[k] - lower[k] <= s.narrow * s.sigma:
+                if empty or self.late or upper[k] - lower[k] <= s.narrow * s.sigma:
                     continue
                 begun = time.perf_counter()
                 tried = program.multipliers(k, sign)

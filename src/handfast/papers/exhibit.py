@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING
 
-from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,21 +52,6 @@ class TextTable:
         lines = [self.heads, ("---",) * len(self.heads), *self.rows]
         text = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
         return "\n\n".join([text, *self.notes]) + "\n"
-
-
-class _Stopped(Protocol):
-    @property
-    def stop(self) -> Stop: ...
-
-
-A = TypeVar("A", bound=_Stopped)
-
-
-def whole(answer: A) -> A:
-    """An answer as it is; `KeyboardInterrupt` if Ctrl-C ended it: an exhibit is made whole or not at all."""
-    if answer.stop is Stop.INTERRUPTED:
-        raise KeyboardInterrupt
-    return answer
 
 
 Maker = Callable[[MakingOptions], "Figure | TextTable"]

@@ -246,11 +246,11 @@ def canonical_system(name: str, asked: MethodOptions) -> MethodAnswer:
 
 def box_shrinking(name: str, asked: MethodOptions) -> MethodAnswer:
     """Box shrinking and bisection, depth first, until a solution box is found or the time is up."""
-    solver = PaperSolver(canonical(load_task(name), unit=asked.unit), ShrinkingSettings(over=asked.over))
+    settings, end = ShrinkingSettings(over=asked.over), time.monotonic() + asked.settings.timeout
+    solver = PaperSolver(canonical(load_task(name), unit=asked.unit), settings, end=end)
     search = BranchAndPrune(solver, [solver.root])
-    end = time.monotonic() + asked.settings.timeout
     for state in search:
-        if state.finals or time.monotonic() > end:
+        if state.finals or solver.late:
             break
     state, s = search.state, solver.statistics
     open_ = bool(state.pending) and not state.finals

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
 
+from handfast.core.answer import uninterrupted
 from handfast.core.errors import InputError
 from handfast.papers.canonical_system import Expanded, Patch
-from handfast.papers.exhibit import whole
 from handfast.papers.polytopes import polytopes
 from handfast.pictures.drawing import BLUE, INK
 from handfast.pictures.hand_facts import facts_of, shown_hand
@@ -34,7 +34,7 @@ BICUBIC = np.array([[0.1, 0.5, 0.3], [0.7, 0.9, 0.2], [0.3, 0.6, 0.8]])  # Berns
 def fig1(options: MakingOptions) -> Figure:
     """A hand on the scalpel: four regions of the one on four of the other."""
     task = load_task(SCALPEL)
-    answer = whole(synthesize(task, timeout=options.timeout))
+    answer = uninterrupted(synthesize(task, timeout=options.timeout))
     if not answer.solutions:
         raise InputError(f"no configuration was found in {options.timeout:g} s", field=SCALPEL)
     return draw_task(task, answer.solutions[0])

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from handfast.core.answer import Reach
+from handfast.core.answer import Reach, uninterrupted
 from handfast.model.hand.structures import TABLE_1
 from handfast.papers.canonical_equations import canonical
-from handfast.papers.exhibit import TextTable, whole
+from handfast.papers.exhibit import TextTable
 from handfast.readers.load_hand import load_hand
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.task_file import load_task
@@ -63,7 +63,7 @@ def table2(options: MakingOptions) -> TextTable:
     for name, printed in PRINTED_TASKS.items():
         task = load_task(name)
         system = canonical(task, unit=0.001)
-        answer = whole(synthesize(task, timeout=options.timeout))
+        answer = uninterrupted(synthesize(task, timeout=options.timeout))
         took = f"{1e3 * answer.seconds:.0f}" if answer.verdict is Reach.FOUND else str(answer.verdict)
         sizes = f"{system.n_v}, {system.n_e}, {system.d}", f"{printed.n_v}, {printed.n_e}, {printed.d}"
         rows.append((name, str(len(task.contact_pairs)), *sizes, took, str(printed.seconds)))

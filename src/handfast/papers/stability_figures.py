@@ -12,11 +12,11 @@ from matplotlib.patches import Circle, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from handfast.core import bundled
+from handfast.core.answer import uninterrupted
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1, stability_tables
 from handfast.papers.algorithm1 import RefinementSettings
-from handfast.papers.exhibit import whole
 from handfast.papers.friction_relaxation import Discretisation, Edges
 from handfast.papers.mixed_integer_solvers import installed
 from handfast.pictures.camera import views
@@ -119,7 +119,7 @@ def fig4(options: MakingOptions) -> Figure:
     """1 N along +y without any preload, if friction need not oppose the motion: held by forces that create energy."""
     grasp, meshes = placed("fig1")
     bare = grasp.with_preload(None)
-    answer = whole(check(bare, UNHELD, mdp=False, settings=Settings(timeout=options.timeout)))
+    answer = uninterrupted(check(bare, UNHELD, mdp=False, settings=Settings(timeout=options.timeout)))
     return draw_grasp(bare, answer.witness, meshes, count=2)
 
 
@@ -128,7 +128,7 @@ def fig5(options: MakingOptions) -> Figure:
     grasp, meshes = placed("fig1")
     settings = RefinementSettings(options.solver or installed(), SECTORS, timeout=10 * options.timeout, as_printed=True)
     answer, steps = algorithm1.check(grasp, HELD, settings=settings)
-    figure = draw_grasp(grasp, whole(answer).witness, meshes, count=3)
+    figure = draw_grasp(grasp, uninterrupted(answer).witness, meshes, count=3)
     width, height = figure.get_size_inches()
     above, total = 2.2, height + 2.2  # [inches]
     figure.set_size_inches(width, total)
@@ -144,7 +144,7 @@ def fig5(options: MakingOptions) -> Figure:
 def force_maps(name: str, etas: tuple[float, ...], options: MakingOptions) -> Figure:
     """Figs 6, 8, 10: forces in the xy plane, without (blue) and with the preload (maroon), a panel for each eta."""
     asked: dict[str, Any] = {"steps": options.steps or STEPS, "settings": Settings(timeout=options.timeout)}
-    maps = [whole(force_map(load_grasp(name), "xy", limits=GraspLimits(eta), **asked)) for eta in etas]
+    maps = [uninterrupted(force_map(load_grasp(name), "xy", limits=GraspLimits(eta), **asked)) for eta in etas]
     if len(maps) == 1:
         return draw_map(maps[0])
     figure = Figure(figsize=(5.2 * len(maps), 5.2))
@@ -165,7 +165,7 @@ def fig12(options: MakingOptions) -> Figure:
     commands: Array = np.linspace(0, 0.1, options.steps or COMMANDS)
     settings = Settings(timeout=options.timeout)
     answer = sweep(load_grasp("fig11"), "finger_3_prox", commands, [FORCE_Z, MOMENT_X], settings=settings)
-    return draw_sweep(whole(answer))
+    return draw_sweep(uninterrupted(answer))
 
 
 def fig13(_: MakingOptions) -> Figure:

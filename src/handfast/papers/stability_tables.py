@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from handfast.core.answer import uninterrupted
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1
 from handfast.papers.algorithm1 import Refined, RefinementSettings, refine
-from handfast.papers.exhibit import TextTable, whole
+from handfast.papers.exhibit import TextTable
 from handfast.papers.mixed_integer import SolverStatus
 from handfast.papers.mixed_integer_solvers import installed
 from handfast.readers.configuration_file import load_configuration
@@ -103,14 +104,14 @@ def table1(options: MakingOptions) -> TextTable:
         heads += [f"paper [N], η {eta:g}°", "here [N]", "full [s]", "refined [s]"]
     settings = Settings(timeout=options.timeout)
     limits = [GraspLimits(np.radians(eta)) for eta in ETAS]
-    exact = [whole(maximum(load_grasp("fig9"), DOWN, limits=each, settings=settings)) for each in limits]
+    exact = [uninterrupted(maximum(load_grasp("fig9"), DOWN, limits=each, settings=settings)) for each in limits]
     brackets = "; ".join(f"η {eta:g}°: {a.lower:.5f} to {a.upper:.5f} N" for eta, a in zip(ETAS, exact, strict=True))
     note = f"Fig. 9 is rebuilt, so values differ from the paper's. Algorithm 1 on {solver}. Exact: {brackets}."
     return TextTable(tuple(heads), tuple(rows), (note,))
 
 
 def _whole_cell(cell: dict[str, Any]) -> dict[str, Any]:
-    """As `whole`: `KeyboardInterrupt` if Ctrl-C ended it."""
+    """As `uninterrupted`: `KeyboardInterrupt` if Ctrl-C ended it."""
     if cell["status"] == SolverStatus.INTERRUPTED:
         raise KeyboardInterrupt
     return cell
@@ -261,7 +262,7 @@ def _median(questions: list[TaskQuestion], ask: Callable[[TaskQuestion], Answer]
     for question in questions:
         clock = time.perf_counter()
         try:
-            whole(ask(question))
+            uninterrupted(ask(question))
         except InputError:
             return "refused"
         took.append(time.perf_counter() - clock)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from handfast.stability.studies.sampled_maximum import SampledMaximum
 
 BINS = 30
+APART = 0.01  # relative distance of two bounds beyond which the lower one is called a bound
 
 
 def bounds_text(found: SampledMaximum) -> str:
@@ -29,12 +30,15 @@ def bounds_text(found: SampledMaximum) -> str:
 
 
 def bound_text(answer: MaxAnswer, factor: float) -> str:
-    """'2.224', or what else a maximum can be."""
+    """'2.224', '2.1 to 2.5' where the bounds are apart, or what else a maximum can be."""
     if answer.unbounded:
-        return "∞"
+        return "any size"
+    lower, upper = num(factor * answer.lower), num(factor * answer.upper)
+    if answer.upper <= (1 + APART) * answer.lower:
+        return lower
     if answer.lower == 0:
-        return "0" if answer.upper == 0 else "not decided"
-    return num(factor * answer.lower)
+        return f"not decided, at most {upper}" if np.isfinite(answer.upper) else "not decided"
+    return f"{lower} to {upper}" if np.isfinite(answer.upper) else f"{lower} or more"
 
 
 def conclusion(found: SampledMaximum) -> list[str]:
@@ -44,9 +48,13 @@ def conclusion(found: SampledMaximum) -> list[str]:
     if found.stop is not Stop.COMPLETE:
         lines.append("Interrupted: the samples that were asked are shown.")
     if decided < n:
-        lines.append(f"{count(n - decided, 'sample')} not decided, left out.")
+        lines.append(f"{count(n - decided, 'sample')} not decided, left out; more time for each may decide them.")
     if not decided:
         return lines
+    lower, upper = found.lower[found.decided], found.upper[found.decided]
+    if bounds := int((upper > (1 + APART) * lower).sum()):
+        part = "1 value is a lower bound" if bounds == 1 else f"{bounds} values are lower bounds"
+        lines.append(f"{part}: the search ended before it was known how much more is resisted.")
     slips = int((found.values == 0).sum())
     if slips:
         lines.append(f"{num(100 * slips / decided)} % resist nothing along this direction.")

@@ -33,7 +33,7 @@ def headline(found: Settled) -> str:
         case Rest.HOLDS:
             return f"holds {load} as it stands: nothing was followed"
         case Rest.SETTLES if found.onset is None:
-            return f"holds {load} after {far}{turned}, without a slip on the way"
+            return f"gives way by {far}{turned} under {load}, and holds it there, without a sudden slip on the way"
         case Rest.SETTLES:
             return f"slips under {load} at first, holds it after {far}{turned}"
         case Rest.RESTS if found.last is None:
@@ -51,7 +51,9 @@ def details(found: Settled) -> list[str]:
     """What there is to know beside the headline, a sentence each."""
     lines = []
     if found.rest is not Rest.HOLDS:
-        lines.append(f"As it stands, check says: {verdict_of(found.before)}.")
+        gives = found.rest is Rest.SETTLES and found.onset is None
+        why = ", of contacts that stay where they are; followed, they move with hand and object" if gives else ""
+        lines.append(f"As it stands, check says: {verdict_of(found.before)}{why}.")
     if found.onset is not None:
         lines.append(f"On its path it first slipped at {num(100 * found.onset)} % of the {found.onset_of}.")
     if found.last is not None and found.path:

@@ -17,6 +17,7 @@ import numpy as np
 from handfast.core.answer import Reach, Stop
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked, unknown_name
+from handfast.core.libraries import deferred_interrupt
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.geometry.collision import Collisions
 from handfast.geometry.contacts import of_body
@@ -24,7 +25,7 @@ from handfast.geometry.dexterity import dexterity
 from handfast.geometry.scene import Scene, rest_overlaps
 from handfast.model.body import Body
 from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
-from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, LocalSearch
+from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, Improved, LocalSearch
 from handfast.planning.filters.balance import friction_margin
 from handfast.planning.question import Requirements, TaskGraspOptions, fingerprint, link_pairs, refuse_another
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
@@ -106,11 +107,17 @@ def question_of(work: LocalSearch, body: Body) -> str:
 
 @dataclass(eq=False)
 class _Found:
-    """A configuration that holds, and where it is; answer: the least preload, None until it is known."""
+    """A configuration that holds.
+
+    Attributes:
+        feature: where it is, in the measure of `synthesis/distance`.
+        first: the first preload that held. answer: the least one, None until it is known.
+    """
 
     certified: Certified
     repaired: bool
     feature: Array
+    first: HoldAnswer
     answer: HoldAnswer | None = None
 
 
@@ -148,8 +155,7 @@ class _TaskSearch:
                 stop = self.search(pool)
             except KeyboardInterrupt:
                 stop = Stop.INTERRUPTED
-            self.work.stopped.set()
-            self.prove(pool)
+                self.grasps += [self.proved(f, f.first) for f in self.gathered.kept if f.answer is None]
         answer = self.answer(stop)
         self.journal.close(answer)
         return answer
@@ -168,9 +174,9 @@ class _TaskSearch:
             certified = Certified.of(proof, self.evaluator.problem)
             known = found.preload, found.lower, found.upper
             answer = self.work.answer_again(certified, known, found.nodes, f"found[{i}]")
-            kept.append(replace(self.found(certified, found.repaired), answer=answer))
+            kept.append(replace(self.found(Improved(certified, found.repaired, answer)), answer=answer))
         self.gathered = Gathering(self.count, _alike, earlier.tally, kept)
-        self.grasps = [self.proved(f) for f in kept]
+        self.grasps = [self.proved(f, f.first) for f in kept]
 
     def search(self, pool: WorkerPool[LocalSearch]) -> Stop:
         """Units in order until there are enough, or the time is over."""
@@ -192,23 +198,25 @@ class _TaskSearch:
         """Count a unit, and choose what differs of what it found; was anything chosen?"""
         self.evaluated, self.starts = self.evaluated + unit.evaluated, self.starts + unit.starts
         self.unproved, self.units = self.unproved + unit.unproved, self.units + 1
-        found = tuple(self.found(f.certified, f.repaired) for f in unit.found)
+        found = tuple(self.found(f) for f in unit.found)
         new = self.gathered.take(UnitResult(unit.tally, found))
         self.cut = self.cut or self.gathered.beyond or not unit.whole  # who wants more will want what is beyond
         return new
 
-    def found(self, certified: Certified, repaired: bool) -> _Found:
-        """A configuration, and where it is in the measure of `synthesis/distance`."""
-        x = (certified.x * self.evaluator.problem.lengths)[None]
-        return _Found(certified, repaired, features_of(self.evaluator.task, x)[0])
+    def found(self, of_unit: Improved) -> _Found:
+        """What a unit found, and where it is."""
+        x = (of_unit.certified.x * self.evaluator.problem.lengths)[None]
+        return _Found(of_unit.certified, of_unit.repaired, features_of(self.evaluator.task, x)[0], of_unit.first)
 
     def prove(self, pool: WorkerPool[LocalSearch]) -> None:
         """The least preloads of what was found last, and how far the search has come."""
         begin = time.monotonic()
         new = [f for f in self.gathered.kept if f.answer is None]
-        for f, answer in zip(new, pool.map(LocalSearch.proof, [f.certified for f in new]), strict=True):
-            f.answer = answer
-        self.grasps += [self.proved(f) for f in new]
+        answers = list(pool.map(LocalSearch.proof, [f.certified for f in new]))  # all of them, or none on Ctrl-C
+        with deferred_interrupt():
+            for f, answer in zip(new, answers, strict=True):
+                self.grasps.append(self.proved(f, answer))
+                f.answer = answer
         if pool.alone:
             self.work.end += time.monotonic() - begin  # the time is for the search
         if not self.cut:
@@ -271,17 +279,16 @@ class _TaskSearch:
         left = None if np.isinf(self.work.end) else max(self.work.end - time.monotonic(), 0.1)
         return synthesize(self.evaluator.task, seed=self.work.seed, timeout=left)
 
-    def proved(self, f: _Found) -> ProvedGrasp:
-        """A grasp with everything that is said of it."""
+    def proved(self, f: _Found, answer: HoldAnswer) -> ProvedGrasp:
+        """A grasp with everything that is said of it under the preload of an answer."""
         (c,), task, near = self.work.candidates([f.certified]), self.evaluator.task, self.evaluator.collisions
-        assert f.answer is not None
-        grasp = of_body(c.grasp.with_preload(f.answer.preload), task.hand, self.body)
+        grasp = of_body(c.grasp.with_preload(answer.preload), task.hand, self.body)
         wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out, at_rest=near.at_rest)
         return ProvedGrasp(
             c.solution,
             c.q,
             grasp,
-            f.answer,
+            answer,
             self.work.requirements,
             wide.clearances(c.q, c.solution.pose, requests(c.solution)),
             relative_curvatures(c.solution),

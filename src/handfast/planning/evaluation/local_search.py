@@ -6,7 +6,6 @@ cores finds the same.
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -15,7 +14,6 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
-from handfast.core.parallel import START
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
 from handfast.planning.evaluation.preload_search import held, held_again
@@ -44,10 +42,16 @@ NEAR_MISSES = 6  # possible candidates of one local search that may fail to hold
 
 @dataclass(frozen=True, eq=False)
 class Improved:
-    """A configuration that holds every load; repaired: was it improved from a start that did not?"""
+    """A configuration that holds every load, with the first preload that did.
+
+    Attributes:
+        repaired: was it improved from a start that did not hold?
+        first: the answer, of which the commands are not the least.
+    """
 
     certified: Certified
     repaired: bool
+    first: HoldAnswer
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +77,6 @@ class LocalSearch:
         self.starts = Starts(evaluator.problem, seed)
         self.walks = Walks(self.starts)
         self.end = np.inf  # of the monotonic clock
-        self.stopped = multiprocessing.get_context(START).Event()  # shared by the copies
 
     def warm(self) -> None:
         """Compile what the units need, before the clock starts and before processes are made."""
@@ -92,25 +95,26 @@ class LocalSearch:
             if self.late():
                 break
             improved = k < IMPROVED or start.possible
-            end, reason = self.improve(start, steps) if improved else (start, self.evaluator.rejection(start))
-            tally.add(reason)
-            if reason is None:
+            end, said = self.improve(start, steps) if improved else (start, self.evaluator.rejection(start))
+            tally.add(None if isinstance(said, HoldAnswer) else said)
+            if isinstance(said, HoldAnswer):
                 better = refinement.refined(end)
-                holds = better is not end and self.rejection(better.grasp) is None
-                found.append(Improved((better if holds else end).certified, end is not start))
+                again = said if better is end else self.first(better.grasp)
+                best, first = (better, again) if again.verdict is Verdict.HOLDS else (end, said)
+                found.append(Improved(best.certified, end is not start, first))
         evaluated = self.evaluator.evaluated - before
         return ConfigurationUnit(tally, tuple(found), evaluated, used, starts.unproved, not self.late())
 
-    def improve(self, start: GraspCandidate, steps: Steps) -> tuple[GraspCandidate, RejectionReason | None]:
-        """Improve a candidate until it holds, or no step helps."""
+    def improve(self, start: GraspCandidate, steps: Steps) -> tuple[GraspCandidate, HoldAnswer | RejectionReason]:
+        """Improve a candidate until it holds, or no step helps: the answer that holds, or why there is none."""
         now, length, fails, missed = start, ANYWHERE, 0, 0
         asked: GraspCandidate | None = None
-        reason: RejectionReason | None = None
+        said: HoldAnswer | RejectionReason = RejectionReason.UNDECIDED
         for round_ in range(STEPS):
             if now is not asked:
-                asked, reason = now, self.rejection(now.grasp) if now.possible else self.evaluator.rejection(now)
+                asked, said = now, self.judged(now)
                 missed += now.possible
-                if reason is None or missed == NEAR_MISSES:
+                if isinstance(said, HoldAnswer) or missed == NEAR_MISSES:
                     break
             if fails == PATIENCE or self.late():
                 break
@@ -121,16 +125,23 @@ class LocalSearch:
                 now, fails, length = better, 0, min(1.3 * length, LONGEST)
             else:
                 fails, length = fails + 1, max(0.5 * length, SHORTEST)
-        return now, reason
+        return now, said
 
     def candidates(self, found: Iterable[Certified], below: float = np.inf) -> list[GraspCandidate]:
         """Those whose cost is below what is asked."""
         return [c for c in (self.evaluator.candidate(f, below) for f in found) if c]
 
-    def rejection(self, grasp: Grasp) -> RejectionReason | None:
-        """Why no preload holds every load; None if one does."""
+    def judged(self, candidate: GraspCandidate) -> HoldAnswer | RejectionReason:
+        """The answer with a preload that holds every load, or why there is none."""
+        if not candidate.possible:
+            return self.evaluator.rejection(candidate)
+        answer = self.first(candidate.grasp)
+        return of_verdict(answer.verdict) or answer
+
+    def first(self, grasp: Grasp) -> HoldAnswer:
+        """The first preload that holds every load, in the time that is left."""
         left = None if np.isinf(self.end) else max(self.end - time.monotonic(), 0.0)
-        return of_verdict(self.answer(grasp, least=False, timeout=left).verdict)
+        return self.answer(grasp, least=False, timeout=left)
 
     def answer(self, grasp: Grasp, *, least: bool, timeout: float | None) -> HoldAnswer:
         """What `hold` says of a grasp, with the actuators and limits of this question."""
@@ -177,7 +188,7 @@ class LocalSearch:
 
     def late(self) -> bool:
         """Whether a unit should come to its end."""
-        return self.stopped.is_set() or time.monotonic() >= self.end
+        return time.monotonic() >= self.end
 
 
 def _cost(c: GraspCandidate) -> float:

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from handfast.core.answer import Stop, Verdict
+from handfast.core.answer import Stop, Verdict, uninterrupted
 from handfast.core.arrays import Array
 from handfast.core.transforms import normal_frame
 from handfast.geometry.contact_reduction import reduced_contacts
@@ -143,8 +143,8 @@ def checking_settings_for(grasp: Grasp) -> Settings:
 
 
 def held(grasp: Grasp, loads: Loads, limits: PlanLimits, settings: Settings, **how: Any) -> HoldAnswer:
-    """One preload for all loads; `settings` where the limits state none, `how` as in `hold`."""
-    return hold(grasp, loads, settings=limits.settings or settings, limits=limits.of_a_load, **how)
+    """One preload for all loads; `settings` where the limits state none, `how` as in `hold`. Ctrl-C is raised."""
+    return uninterrupted(hold(grasp, loads, settings=limits.settings or settings, limits=limits.of_a_load, **how))
 
 
 def held_again(
@@ -164,7 +164,7 @@ def held_again(
     how: dict[str, Any] = {"limits": limits.of_a_load, "settings": limits.settings or settings}
     checks: list[CheckAnswer] = []
     for wrench in loads.wrenches:
-        checks.append(check(grasp, wrench, **how))
+        checks.append(uninterrupted(check(grasp, wrench, **how)))
         if checks[-1].verdict is not Verdict.HOLDS:
             return None
     asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_a_load, "actuators": tuple(known[0])}

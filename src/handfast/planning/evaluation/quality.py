@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.core.answer import Stop
+from handfast.core.answer import uninterrupted
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.preload_search import PATIENCE, checking_settings_for, settings_for
 from handfast.planning.question import PlanOptions
@@ -79,9 +79,7 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
         if left <= 0:
             return answer
         settings = limits.settings or replace(settings_for(grasp), gap=GAP, timeout=left)
-        found[name] = maximum(grasp, w, settings=settings, limits=limits.of_a_load)
-        if found[name].stop is Stop.INTERRUPTED:
-            raise KeyboardInterrupt
+        found[name] = uninterrupted(maximum(grasp, w, settings=settings, limits=limits.of_a_load))
     return replace(answer, margins=found)
 
 
