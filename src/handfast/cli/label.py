@@ -167,7 +167,7 @@ class Label(JointLawOptions, Command):
     def _changes(self) -> GraspChanges:
         from handfast.datasets.dataset_rows import GraspChanges
 
-        preload = tuple(assigned(self.preload, "--preload").items()) if self.preload else None
+        preload = assigned(self.preload, "--preload") if self.preload else None
         place: Any = tuple(self.center_of_mass) or None
         return GraspChanges(self.mass, place, self.friction, preload)
 

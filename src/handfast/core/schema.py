@@ -20,6 +20,7 @@ imported when the first file is read.
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import lru_cache
@@ -60,15 +61,34 @@ class Numbers:
         )
 
 
+class NullFor:
+    """A number of which a file says null where it is `value`, an infinity: `Annotated[float, NullFor(inf)]`."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> Any:
+        from pydantic_core import core_schema as core
+
+        number = core.nullable_schema(core.float_schema(allow_inf_nan=False))
+        return core.no_info_after_validator_function(lambda x: self.value if x is None else x, number)
+
+
 def _array(values: Any) -> Array:
     return np.array(values, dtype=float)
 
 
 Vector3 = Annotated[Array, Numbers(3)]
+Vectors3 = Annotated[Array, Numbers(None, 3)]
 
 
 def written(value: Any) -> Any:
-    """JSON of a value: dataclasses as objects of their fields, arrays as lists, names of an enumeration as texts."""
+    """JSON of a value: dataclasses as objects of their fields, arrays as lists, names of an enumeration as texts.
+
+    A number that is infinite is null.
+    """
+    if isinstance(value, float) and math.isinf(value):
+        return None
     if isinstance(value, str | float | int | None) and not isinstance(value, Enum | np.generic):
         return value
     if is_dataclass(value) and not isinstance(value, type):

@@ -15,6 +15,7 @@ from typing import Any
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.schema import InFiles
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import from_dict
 
@@ -142,7 +143,7 @@ def printable(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class GraspChanges:
+class GraspChanges(InFiles):
     """What takes the place of what the rows say, if they say anything.
 
     Attributes:
@@ -152,7 +153,7 @@ class GraspChanges:
     mass: float | None = None
     center_of_mass: tuple[float, float, float] | None = None
     friction: float | None = None
-    preload: tuple[tuple[str, float], ...] | None = None
+    preload: dict[str, float] | None = None
 
     def __post_init__(self) -> None:
         if self.mass is not None and not 0 < self.mass < float("inf"):
@@ -165,15 +166,10 @@ class GraspChanges:
         if self.friction is not None:
             grasp = grasp.with_friction(self.friction)
         if self.preload is not None:
-            grasp = grasp.with_preload(dict(self.preload))
+            grasp = grasp.with_preload(self.preload)
         if self.mass is not None or self.center_of_mass is not None:
             grasp = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass)
         return grasp
-
-    def to_json(self) -> dict[str, Any]:
-        preload = None if self.preload is None else dict(self.preload)
-        place = None if self.center_of_mass is None else list(self.center_of_mass)
-        return {"mass": self.mass, "center_of_mass": place, "friction": self.friction, "preload": preload}
 
 
 def grasp_of_text(text: str, name: str, changes: GraspChanges) -> Grasp:

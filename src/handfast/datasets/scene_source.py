@@ -14,6 +14,7 @@ from handfast.core.arrays import Array
 from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import same_json
+from handfast.core.schema import InFiles
 from handfast.datasets.dataset_rows import GraspChanges, PosedRow
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
@@ -26,7 +27,7 @@ _own = threading.local()  # a scene is not to be shared between threads
 
 
 @dataclass(frozen=True)
-class SceneSource:
+class SceneSource(InFiles):
     """How to come by the scene of a hand and an object, on any machine that sees their files.
 
     Attributes:
@@ -35,17 +36,18 @@ class SceneSource:
         threshold: [m] surfaces nearer than this touch.
         joint_laws: which of the hand's joint laws count, see `Hand.with_laws`.
         backdrivable: motors that give what they are commanded and no more.
-        files: the two files' SHA-256, for whoever goes on elsewhere or later.
+        hand_sha256, object_sha256: of the two files, for whoever goes on elsewhere or later.
     """
 
     hand: str
     object: str
     root: str | None = None
+    hand_sha256: str | None = None
+    object_sha256: str | None = None
     scale: float = 1.0
     threshold: float = 5e-4
     joint_laws: str = "all"
     backdrivable: tuple[str, ...] = ()
-    files: tuple[str | None, str | None] = (None, None)
 
     @classmethod
     def of(cls, hand: str, object: str, **others: Any) -> SceneSource:
@@ -54,9 +56,9 @@ class SceneSource:
         from handfast.readers.load_hand import load_hand
 
         bare = cls(_absolute(hand, Path()), _absolute(object, Path()), **others)
-        known = SourceFile.of(load_hand(bare.hand, root=bare.root).source, "hand"), SourceFile.of(bare.object, "object")
-        hand_sum, object_sum = (f.sha256 if f else None for f in known)
-        made = replace(bare, files=(hand_sum, object_sum))
+        files = {"hand": load_hand(bare.hand, root=bare.root).source, "object": bare.object}
+        hand_sum, object_sum = (f.sha256 if (f := SourceFile.of(x, kind)) else None for kind, x in files.items())
+        made = replace(bare, hand_sha256=hand_sum, object_sha256=object_sum)
         made.scene()  # what is wrong with the object is said now; forked workers have it ready
         return made
 
@@ -69,8 +71,8 @@ class SceneSource:
 
             hand = load_hand(self.hand, root=self.root)
             body = load_body(self.object, scale=self.scale)
-            for kind, source, known in zip(("hand", "object"), (hand.source, self.object), self.files, strict=True):
-                found = SourceFile.of(source, kind)
+            for kind, source in (("hand", hand.source), ("object", self.object)):
+                found, known = SourceFile.of(source, kind), getattr(self, f"{kind}_sha256")
                 if known and found and found.sha256 != known:
                     raise InputError(f"is not the file of the {kind} that the labels began with", source=source)
             lawful = hand.with_laws(self.joint_laws).with_backdrivable(self.backdrivable)
@@ -89,7 +91,7 @@ class SceneSource:
         scene, q = self.scene(), self.joints_of(row)
         hand = scene.hand
         pose = _numbers(row.position, 3, "object_position"), _numbers(row.quaternion, 4, "object_quaternion")
-        preload: Mapping[str, float] | None = None if changes.preload is None else dict(changes.preload)
+        preload: Mapping[str, float] | None = changes.preload
         if preload is None and row.preload is not None:
             preload = _named(row.preload, hand.mechanism.actuators, "preload")
         friction = _number(row.friction, "friction") if changes.friction is None else changes.friction
@@ -105,21 +107,13 @@ class SceneSource:
             grasp = grasp.about(mass=mass, center_of_mass=changes.center_of_mass)
         return grasp
 
-    def to_json(self, folder: Path) -> dict[str, Any]:
-        """As a file in a folder has it: hand and object as seen from there."""
-        kept = dict(zip(("hand_sha256", "object_sha256"), self.files, strict=True))
-        paths = {"hand": _seen_from(folder, self.hand), "object": _seen_from(folder, self.object), "root": self.root}
-        laws = {"joint_laws": self.joint_laws, "backdrivable": list(self.backdrivable)}
-        return paths | kept | {"scale": self.scale, "threshold": self.threshold} | laws
+    def relative_to(self, folder: Path) -> SceneSource:
+        """With paths as they stand in a file in a folder."""
+        return replace(self, hand=_seen_from(folder, self.hand), object=_seen_from(folder, self.object))
 
-    @classmethod
-    def from_json(cls, said: Mapping[str, Any], folder: Path) -> SceneSource:
-        """What `to_json` wrote to a file in a folder; raises `KeyError` or `TypeError` for anything else."""
-        files = said["hand_sha256"], said["object_sha256"]
-        kept = {key: x for key, x in said.items() if key not in ("hand_sha256", "object_sha256")}
-        for key in ("hand", "object"):
-            kept[key] = _absolute(str(said[key]), folder)
-        return cls(**kept | {"backdrivable": tuple(said["backdrivable"]), "files": files})
+    def resolved_from(self, folder: Path) -> SceneSource:
+        """With the paths of a file in a folder, absolute."""
+        return replace(self, hand=_absolute(self.hand, folder), object=_absolute(self.object, folder))
 
 
 def same_scene(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> bool:

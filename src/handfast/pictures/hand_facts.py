@@ -15,6 +15,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.libraries import quiet
 from handfast.core.limited import limited
+from handfast.core.schema import written
 from handfast.core.transforms import rigid, transform
 from handfast.geometry.collision import Pair, always_meeting
 from handfast.geometry.guess_regions import regions_of
@@ -211,7 +212,7 @@ def to_json(shown: ShownHand) -> dict[str, Any]:
             "upper": joint.upper,
             "value": float(shown.q[j]),
             "closing": int(hand.closing[j]),
-            **joint.law.to_json(),
+            **written(joint.law),
             "follows": None
             if follow[j][0] == j
             else {
@@ -233,7 +234,7 @@ def to_json(shown: ShownHand) -> dict[str, Any]:
     ]
     tendons = [
         {"name": t.name, "length": {j: float(r) for j, r in zip(hand.joint_names, t.row, strict=True) if r}}
-        | t.law.to_json()
+        | written(t.law)
         for t in hand.tendons
     ]
     links = [

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,9 +12,10 @@ import numpy as np
 from pydantic import Field
 
 from handfast.core import bundled
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked, unknown_name
 from handfast.core.files import Strict, Vector, parse_json, read_json, validate, write_text
-from handfast.core.schema import written
+from handfast.core.schema import LEFT_OUT, InFiles, written
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.provenance import Provenance
@@ -20,11 +23,14 @@ from handfast.model.provenance import Provenance
 Many = Field(max_length=LARGEST)  # what is longer is refused before anything is made of it; `Grasp` looks closer
 
 
-class ActuatorEntry(Strict):
+@dataclass(frozen=True)
+class ActuatorEntry(InFiles):
+    """A row of R by joint, and what its motor is."""
+
     name: str
     joints: dict[str, float]
     tendon: bool = False
-    backdrivable: bool = False
+    backdrivable: bool = field(default=False, metadata=LEFT_OUT)
 
 
 class MechanismEntry(Strict):
@@ -71,16 +77,9 @@ def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = Non
     mechanism = None
     if entry.mechanism is not None:
         names = [j.name for j in entry.joints]
-        acts = entry.mechanism.actuators
-        R = [_row(a.joints, names, f"mechanism.actuators[{i}].joints") for i, a in enumerate(acts)]
         A = [_row(c, names, f"mechanism.couplings[{i}]") for i, c in enumerate(entry.mechanism.couplings)]
-        mechanism = Mechanism(
-            tuple(a.name for a in acts),
-            np.array(R).reshape(len(R), len(names)),
-            np.array(A).reshape(len(A), len(names)),
-            tuple(a.tendon for a in acts),
-            tuple(a.backdrivable for a in acts),
-        )
+        couplings = np.array(A).reshape(len(A), len(names))
+        mechanism = mechanism_of(entry.mechanism.actuators, couplings, names, "mechanism.actuators")
     provenance = entry.provenance
     return Grasp(
         entry.contacts,
@@ -108,11 +107,8 @@ def to_dict(grasp: Grasp) -> dict[str, Any]:
         "contacts": written(grasp.contacts),
         "joints": [{"name": j.name, "type": j.type} | written(j) for j in grasp.joints],
         "mechanism": {
-            "actuators": [
-                {"name": n, "joints": _sparse(row, names), "tendon": t} | ({"backdrivable": True} if free else {})
-                for n, row, t, free in zip(mech.actuators, mech.R, mech.tendon, mech.backdrivable, strict=True)
-            ],
-            "couplings": [_sparse(row, names) for row in mech.A],
+            "actuators": actuators_to_dict(mech, names),
+            "couplings": [by_joint(row, names) for row in mech.A],
         },
         "preload": grasp.preload,
     }
@@ -147,12 +143,31 @@ def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
     write_text(path, text, force=force)
 
 
-def _row(weights: dict[str, float], names: list[str], field: str) -> list[float]:
+def mechanism_of(actuators: list[ActuatorEntry], couplings: Array, names: Sequence[str], field: str) -> Mechanism:
+    """The mechanism of actuators in a file, which stand at `field`, and rows of couplings (k, l) of named joints."""
+    R = [_row(a.joints, names, f"{field}[{i}].joints") for i, a in enumerate(actuators)]
+    return Mechanism(
+        tuple(a.name for a in actuators),
+        np.array(R).reshape(len(R), len(names)),
+        couplings,
+        tuple(a.tendon for a in actuators),
+        tuple(a.backdrivable for a in actuators),
+    )
+
+
+def actuators_to_dict(mechanism: Mechanism, names: Sequence[str]) -> list[dict[str, Any]]:
+    """The actuators as files have them; `mechanism_of` reads them."""
+    each = zip(mechanism.actuators, mechanism.R, mechanism.tendon, mechanism.backdrivable, strict=True)
+    return [written(ActuatorEntry(n, by_joint(row, names), *flags)) for n, row, *flags in each]
+
+
+def _row(weights: dict[str, float], names: Sequence[str], field: str) -> list[float]:
     for name in weights:
         if name not in names:
             raise unknown_name("joint", name, names, field=field)
     return [weights.get(n, 0.0) for n in names]
 
 
-def _sparse(row: Any, names: list[str]) -> dict[str, float]:
+def by_joint(row: Any, names: Sequence[str]) -> dict[str, float]:
+    """The numbers (l,) that are not 0, by the joint's name."""
     return {n: float(v) for n, v in zip(names, row, strict=True) if v != 0}

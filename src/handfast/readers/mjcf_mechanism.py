@@ -17,7 +17,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.model.hand.hand import Coupling, Joint
+from handfast.model.hand.hand import Coupling, Joint, direct_mechanism
 from handfast.model.hand.joint_law import FREE, JointLaw, PassiveTendon
 from handfast.model.hand.loop import Loop
 from handfast.model.mechanism import Mechanism
@@ -201,8 +201,7 @@ def mechanism(part: ModelPart, joints: tuple[Joint, ...], couplings: tuple[Coupl
     rows: list[Array] = []
     tendon: list[bool] = []
     if m.nu == 0:
-        driven = [j for j in range(l) if j not in {c.joint for c in couplings}]
-        return Mechanism(tuple(joints[j].name for j in driven), np.eye(l)[driven], A, (False,) * len(driven))
+        return direct_mechanism([joint.name for joint in joints], couplings)
     for u in range(m.nu):
         name = m.actuator(u).name or f"actuator_{u}"
         if not part.whole and _acts_outside(part, u):

@@ -15,9 +15,8 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
-from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing, refuse_large
+from handfast.model.hand.hand import Coupling, Hand, Joint, Link, direct_mechanism, guess_closing, refuse_large
 from handfast.model.hand.joint_law import NO_LAW, JointLaw
-from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Mesh, Shape
 from handfast.readers.mesh_file import read_meshes
 from handfast.readers.xml_file import read_robot_xml
@@ -92,14 +91,7 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     )
 
     couplings = tuple(c for e in joints_xml if (c := _mimic(e, order)) is not None)
-    tied = {c.joint for c in couplings}
-    driven = [j for j in range(len(joints)) if j not in tied]
-    mechanism = Mechanism(
-        tuple(joints[j].name for j in driven),
-        np.eye(len(joints))[driven],
-        coupling_rows(couplings, len(joints)),
-        (False,) * len(driven),
-    )
+    mechanism = direct_mechanism([joint.name for joint in joints], couplings)
     closing = guess_closing(tuple(joints), couplings)
     name = root.get("name", path.stem)
     return Hand(name, links, tuple(joints), mechanism, couplings, closing, source=str(path))

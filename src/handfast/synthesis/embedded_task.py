@@ -16,8 +16,7 @@ from pydantic import Field
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, Vector, validate
-from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
-from handfast.model.mechanism import Mechanism
+from handfast.model.hand.hand import Coupling, Hand, Joint, Link, direct_mechanism
 from handfast.readers.region_file import RegionEntry, region_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
@@ -81,9 +80,7 @@ class EmbeddedHandEntry(Strict):
                 raise InputError(f"ties joints that do not exist ({l} joints)", field=f"couplings[{i}]")
         links = tuple(Link(k.name, k.parent, np.array(k.pose), tuple(k.joints)) for k in self.links)
         couplings = tuple(Coupling(c.joint, c.leader, c.ratio, c.offset) for c in self.couplings)
-        driven = [j for j in range(l) if j not in {c.joint for c in couplings}]
-        names = tuple(joints[j].name for j in driven)
-        mechanism = Mechanism(names, np.eye(l)[driven], coupling_rows(couplings, l), (False,) * len(driven))
+        mechanism = direct_mechanism([joint.name for joint in joints], couplings)
         return Hand(self.name, links, joints, mechanism, couplings, np.zeros(l), source=self.source)
 
 

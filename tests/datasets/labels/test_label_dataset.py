@@ -220,7 +220,7 @@ def test_what_nobody_thought_of_breaks_a_row_only(lines: Path, tmp_path: Path, m
 
 def test_changes_take_the_place_of_what_rows_say(tmp_path: Path) -> None:
     data = write_lines(tmp_path / "a.jsonl", heavy())
-    changes = GraspChanges(1.5, (0, 0, 0.01), 0.4, (("left", 0.3),))
+    changes = GraspChanges(1.5, (0, 0, 0.01), 0.4, {"left": 0.3})
     label_dataset(data, tmp_path / "b.jsonl", labelling=LITTLE, changes=changes)
     row = rows(tmp_path / "b.jsonl")[0]
     assert row["name"] == "two fingers"

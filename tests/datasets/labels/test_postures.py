@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
+from handfast.core.files import validate
+from handfast.core.schema import written
 from handfast.core.transforms import matrix_quaternion
 from handfast.datasets.dataset_rows import GraspChanges, PosedRow
 from handfast.datasets.labels import label_dataset as run_module
@@ -87,7 +89,7 @@ def test_changes_take_the_place_of_what_a_table_says(
     tmp_path: Path, arrays: dict[str, Any], scene: SceneSource, asked: list[Any]
 ) -> None:
     np.savez(tmp_path / "a.npz", **{key: value[:1] for key, value in arrays.items()})
-    changes = GraspChanges(1.5, (0, 0, 0.01), 0.3, (("finger_1_prox", 0.2),))
+    changes = GraspChanges(1.5, (0, 0, 0.01), 0.3, {"finger_1_prox": 0.2})
     label_dataset(tmp_path / "a.npz", tmp_path / "b.jsonl", labelling=LITTLE, scene=scene, changes=changes, jobs=1)
     row = next(load_labels(tmp_path / "b.jsonl"))
     assert (row["mass"], set(row["contact_frictions"]), sum(row["preload"])) == (1.5, {0.3}, 0.2)
@@ -169,7 +171,7 @@ def test_a_hand_that_changed_ends_the_run_and_breaks_no_row(
 ) -> None:
     """A worker that sees other files must not record every row as broken."""
     np.savez(tmp_path / "a.npz", **arrays)
-    other = SceneSource(scene.hand, scene.object, files=("0" * 64, None))
+    other = SceneSource(scene.hand, scene.object, hand_sha256="0" * 64)
     with pytest.raises(InputError, match="is not the file of the hand that the labels began with"):
         label_dataset(tmp_path / "a.npz", tmp_path / "b.jsonl", scene=other, jobs=1)
     assert not (tmp_path / "b.jsonl").exists()
@@ -184,7 +186,7 @@ def test_laws_of_joints_count_as_asked(arrays: dict[str, Any]) -> None:
         mechanism = scene.grasp(row, "a", GraspChanges()).mechanism
         lawful.append(any(joint.law.any for joint in scene.scene().hand.joints))
         back.append([name for name, b in zip(mechanism.actuators, mechanism.backdrivable, strict=True) if b])
-        manifests.append(scene.to_json(Path()))
+        manifests.append(written(scene.relative_to(Path())))
     assert (lawful, back) == ([True, False], [[], ["finger_1_prox"]])
     assert manifests[0] != manifests[1]
     with pytest.raises(InputError, match="thumb"):
@@ -214,7 +216,7 @@ def test_a_project_can_be_moved(tmp_path: Path) -> None:
     assert (run(after, resume=True).rows, run(after, resume=True).fresh) == (1, 0)
     scene = about_labels(after / "b.jsonl")["scene"]
     assert (scene["hand"], scene["object"]) == ("tiny.xml", "objects/cube/cube.obj")
-    assert SceneSource.from_json(scene, after).hand == str((after / "tiny.xml").resolve())
+    assert validate(SceneSource, scene).resolved_from(after).hand == str((after / "tiny.xml").resolve())
     (after / "tiny.xml").write_text((after / "tiny.xml").read_text().replace("0.008", "0.009"))
     with pytest.raises(InputError, match="is of another dataset or of other questions"):
         run(after, resume=True)

@@ -13,6 +13,7 @@ from typing import Any
 from handfast.core.errors import InputError
 from handfast.core.files import refuse_existing, same_json
 from handfast.core.parallel import DaskWorkers, Died, WorkerPool, Workers, default_jobs
+from handfast.core.schema import written
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
 from handfast.datasets.labels.label_columns import SCHEMA, broken, complete, described
 from handfast.datasets.labels.label_files import BrokenFile, LabelFormat, format_named, format_of
@@ -45,11 +46,9 @@ class LabelRecipe:
 
     def to_json(self, folder: Path) -> dict[str, Any]:
         """As a file in a folder has it."""
-        return {
-            "questions": self.labelling.to_json(),
-            "changes": self.changes.to_json(),
-            "scene": self.scene and self.scene.to_json(folder),
-        }
+        scene = self.scene and self.scene.relative_to(folder)
+        told: dict[str, Any] = written({"questions": self.labelling.questions, "changes": self.changes, "scene": scene})
+        return told
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.schema import InFiles, Vectors3
 from handfast.datasets.labels.label_columns import MEASURES, WRENCHES, LabelColumn, wrench_column
 from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions, largest_command
 from handfast.measures.measuring import measure_columns
@@ -68,18 +69,30 @@ class Labelling:
         nodes = NODES / contacts**2 if self.nodes is None else self.nodes
         return Settings(gap=self.gap, nodes=nodes, jobs=1, verify=self.replay)
 
-    def to_json(self) -> dict[str, Any]:
-        """As files have it: with the directions written out."""
-        pulls = [(np.array(v) / np.linalg.norm(v)).tolist() for v in self.gravity]
-        return {
-            "gravity": pulls,
-            "directions": spread(self.directions).tolist(),
-            "g": self.g,
-            "gap": self.gap,
-            "nodes": self.nodes,
-            "timeout": self.timeout,
-            "replay": self.replay,
-        }
+    @property
+    def questions(self) -> LabelQuestions:
+        """The same with the directions written out."""
+        pulls = np.array([np.array(v) / np.linalg.norm(v) for v in self.gravity])
+        limits = self.nodes, self.timeout, self.replay
+        return LabelQuestions(pulls, spread(self.directions), self.g, self.gap, *limits)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelQuestions(InFiles):
+    """A `Labelling` as the metadata of a table have it: gravity (n, 3) and directions (k, 3) are unit vectors."""
+
+    gravity: Vectors3
+    directions: Vectors3
+    g: float
+    gap: float
+    nodes: float | None
+    timeout: float
+    replay: bool
+
+    def __post_init__(self) -> None:
+        for name in ("g", "gap"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"is {getattr(self, name):g}; 0 or more is needed", field=name)
 
 
 def spread(count: int) -> Array:

@@ -12,18 +12,27 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import same_json
+from handfast.core.files import same_json, validate
+from handfast.core.schema import InFiles
 from handfast.datasets.dataset_rows import DatasetRow, GraspChanges
 from handfast.datasets.labels.label_columns import HELD_BY, SCHEMA, WRENCHES, wrench_column
 from handfast.datasets.labels.label_dataset import PART, grasp_of_row
 from handfast.datasets.labels.label_files import format_of, load_labels
-from handfast.datasets.labels.labeller import all_hold, axis_wrench, center_of, described_grasp, force_at, measured
+from handfast.datasets.labels.labeller import (
+    LabelQuestions,
+    all_hold,
+    axis_wrench,
+    center_of,
+    described_grasp,
+    force_at,
+    measured,
+)
 from handfast.datasets.labels.questions import free_motors, largest_command
 from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource
 from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
-from handfast.proofs.fields import SAME, BadFile, Fields, number, numbers, same
+from handfast.proofs.fields import SAME, BadFile, number, numbers, same
 from handfast.proofs.replay import Replay
 from handfast.stability.answers import torques
 from handfast.stability.problem.grasp_limits import Terms
@@ -104,35 +113,24 @@ def replay_labels(path: Path, dataset: str | Path | None, how: Asking, rows: Col
 
 
 @dataclass(frozen=True, eq=False)
-class _Recipe:
-    """What was asked of every row, from the metadata."""
+class _Recipe(InFiles):
+    """What was asked of every row, as the metadata have it."""
 
-    gravity: Array
-    directions: Array
-    g: float
-    terms: Terms
+    questions: LabelQuestions
     changes: GraspChanges
     scene: SceneSource | None
 
     @classmethod
     def of(cls, about: Mapping[str, Any], source: str) -> _Recipe:
         try:
-            q = Fields(about.get("questions"), "questions")
-            gravity, directions = q.numbers("gravity", (-1, 3)), q.numbers("directions", (-1, 3))
-            g, gap = q.number("g", least=0.0), q.number("gap", least=0.0)
-            c = Fields(about.get("changes"), "changes")
-            place = tuple(c.numbers("center_of_mass", (3,)).tolist()) if c.has("center_of_mass") else None
-            mass, friction = (c.number(name) if c.has(name) else None for name in ("mass", "friction"))
-            preload = tuple(c.named("preload").items()) if c.has("preload") else None
-        except BadFile as fault:
-            raise InputError(fault.problem, source=source, field=fault.field) from None
-        scene = about.get("scene")
-        if scene is not None:
-            try:
-                scene = SceneSource.from_json(scene, Path(source).parent)
-            except (KeyError, TypeError):
-                raise InputError("is not as label writes it", source=source, field="scene") from None
-        return cls(gravity, directions, g, Terms(gap=gap), GraspChanges(mass, place, friction, preload), scene)
+            read = validate(cls, {name: about[name] for name in ("questions", "changes", "scene") if name in about})
+        except InputError as fault:
+            raise fault.at(source) from None
+        return replace(read, scene=read.scene and read.scene.resolved_from(Path(source).parent))
+
+    @property
+    def terms(self) -> Terms:
+        return Terms(gap=self.questions.gap)
 
 
 def _claims(said: Mapping[str, Any], row: DatasetRow, recipe: _Recipe, source: str) -> tuple[list[Replay], list[Claim]]:
@@ -191,12 +189,12 @@ class _Row:
 
     def worst(self, faults: list[Replay]) -> list[Claim]:
         """In every direction at least the least, in the worst no more."""
-        return self._least("worst_force", "worst_direction", self.recipe.directions, 1.0, faults)[0]
+        return self._least("worst_force", "worst_direction", self.recipe.questions.directions, 1.0, faults)[0]
 
     def under_gravity(self, faults: list[Replay]) -> list[Claim]:
         """Verdicts, the factor on the weight, and the commands."""
         assert self.grasp.mass
-        weight, pulls = self.grasp.mass * self.recipe.g, self.recipe.gravity
+        weight, pulls = self.grasp.mass * self.recipe.questions.g, self.recipe.questions.gravity
         verdicts = self.said.get("verdicts")
         if not isinstance(verdicts, list) or len(verdicts) != len(pulls) or not set(verdicts) <= set(VERDICTS):
             raise BadFile(f"is no list of {len(pulls)} verdicts", "verdicts")

@@ -115,12 +115,12 @@ class Separator:
         axes, origins = hand.joint_axes(q)
         rows, least = [], []
         for n in near:
-            of_joints = n.normal @ _jacobian(hand, n.link, n.on_hand, axes, origins) @ self.spread
+            of_joints = n.normal @ hand.jacobian_about(n.link, n.on_hand, axes, origins) @ self.spread
             rows.append(np.r_[n.normal, cross(n.on_object - center, n.normal), -of_joints * joints])
             least.append(TOUCH - n.distance)
         for s in own:
             first, second = (
-                _jacobian(hand, link, point, axes, origins)
+                hand.jacobian_about(link, point, axes, origins)
                 for link, point in ((s.first, s.on_first), (s.second, s.on_second))
             )
             rows.append(np.r_[np.zeros(6), s.normal @ (second - first) @ self.spread])
@@ -205,14 +205,6 @@ def reaches(hand: Hand, radius: Array) -> Array:
                 out[j] = max(out[j], along[i] - before[k] + anchor + radius[i])
             k = hand.links[k].parent
     return np.where([j.type == "prismatic" for j in hand.joints], 1.0, np.maximum(out, 1e-3))
-
-
-def _jacobian(hand: Hand, link: int, point: Array, axes: Array, origins: Array) -> Array:
-    """(3, l) as `Hand.jacobian`, from axes and origins that are known."""
-    J = np.zeros((3, hand.l))
-    for j in hand.moved_by(link):
-        J[:, j] = axes[j] if hand.joints[j].type == "prismatic" else cross(axes[j], point - origins[j])
-    return J
 
 
 def _angle(R: Array) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -13,7 +13,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.presented import Presented
-from handfast.core.transforms import FARTHEST, rigid
+from handfast.core.transforms import FARTHEST, cross, rigid
 from handfast.model.hand.joint_law import LAWS, NO_LAW, JointLaw, PassiveTendon, laws_named
 from handfast.model.hand.loop import Loop, LoopClosure
 from handfast.model.mechanism import Mechanism
@@ -75,8 +75,8 @@ class Joint:
             out[0, :3, 3] = self.axis
             return out
         x, y, z = self.axis
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        for factor, turn in zip(out[1:], (cross, cross @ cross), strict=True):
+        skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        for factor, turn in zip(out[1:], (skew, skew @ skew), strict=True):
             factor[:3, :3], factor[:3, 3] = turn, -turn @ self.anchor
         return out
 
@@ -466,11 +466,14 @@ class Hand(Presented):
 
     def jacobian(self, link: int, point: Array, q: Array) -> Array:
         """(3, l) velocity of a point (3,) [m], base frame, fixed to a link, per unit joint speed."""
-        axes, origins = self.joint_axes(q)
+        return self.jacobian_about(link, point, *self.joint_axes(q))
+
+    def jacobian_about(self, link: int, point: Array, axes: Array, origins: Array) -> Array:
+        """As `jacobian`, from the joints' axes (l, 3) and points on them (l, 3): `joint_axes`."""
         J = np.zeros((3, self.l))
         for j in self.moved_by(link):
             straight = self.joints[j].type == "prismatic"
-            J[:, j] = axes[j] if straight else np.cross(axes[j], point - origins[j])
+            J[:, j] = axes[j] if straight else cross(axes[j], point - origins[j])
         return J
 
     def __repr__(self) -> str:
@@ -514,3 +517,11 @@ def coupling_rows(couplings: tuple[Coupling, ...], joints: int) -> Array:
         if c.driver >= 0:
             row[c.driver] = -c.ratio
     return A
+
+
+def direct_mechanism(joints: Sequence[str], couplings: tuple[Coupling, ...]) -> Mechanism:
+    """One motor for each joint, by name, that is coupled to no other, named like the joint."""
+    l, tied = len(joints), {c.joint for c in couplings}
+    driven = [j for j in range(l) if j not in tied]
+    names = tuple(joints[j] for j in driven)
+    return Mechanism(names, np.eye(l)[driven], coupling_rows(couplings, l), (False,) * len(driven))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.schema import InFiles, NullFor
 
 LAWS = ("stops", "friction", "springs")
 STOP_ANGLE = 1e-3  # [rad] a joint this near to its stop stands at it: its fingertip, 0.1 m away, is within 0.1 mm
@@ -18,7 +19,7 @@ FREE = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True)
-class JointLaw:
+class JointLaw(InFiles):
     """What a joint, or a tendon, has besides its motor, in the sense of its own value.
 
     Attributes:
@@ -32,7 +33,7 @@ class JointLaw:
     friction: float = 0.0
     stiffness: float = 0.0
     rest: tuple[float, float] = (0.0, 0.0)
-    stops: tuple[float, float] = FREE
+    stops: tuple[Annotated[float, NullFor(-np.inf)], Annotated[float, NullFor(np.inf)]] = FREE
 
     def __post_init__(self) -> None:
         for name in ("friction", "stiffness"):
@@ -79,11 +80,6 @@ class JointLaw:
         law = self if "stops" in kept else replace(self, stops=FREE)
         law = law if "friction" in kept else replace(law, friction=0.0)
         return law if "springs" in kept else replace(law, stiffness=0.0, rest=(0.0, 0.0))
-
-    def to_json(self) -> dict[str, Any]:
-        """The fields by name; null where nothing stops it."""
-        stops = [end if np.isfinite(end) else None for end in self.stops]
-        return {"friction": self.friction, "stiffness": self.stiffness, "rest": list(self.rest), "stops": stops}
 
 
 NO_LAW = JointLaw()

@@ -16,8 +16,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
-from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
-from handfast.model.mechanism import Mechanism
+from handfast.model.hand.hand import Coupling, Hand, Joint, Link, direct_mechanism
 from handfast.model.shape import Shape
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
@@ -165,14 +164,7 @@ def hand_from_structure(
             if other not in names:
                 raise unknown_name("joint", other, names, field="couplings")
         made.couplings.append(Coupling(names.index(joint), names.index(driver), 1.0))
-    tied = {c.joint for c in made.couplings}
-    driven = [j for j in range(len(names)) if j not in tied]
-    mechanism = Mechanism(
-        tuple(names[j] for j in driven),
-        np.eye(len(names))[driven],
-        coupling_rows(tuple(made.couplings), len(names)),
-        (False,) * len(driven),
-    )
+    mechanism = direct_mechanism(names, tuple(made.couplings))
     closing = np.array([0.0 if n.endswith("abduction") else 1.0 for n in names])
     return Hand(name, tuple(made.links), tuple(made.joints), mechanism, tuple(made.couplings), closing, False)
 

@@ -21,13 +21,13 @@ from handfast.core.answer import Reach
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Six, Strict, Vector, validate, write_text
+from handfast.core.schema import written
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand, coupling_rows
 from handfast.model.hand.joint_law import NO_LAW, JointLaw, PassiveTendon
-from handfast.model.mechanism import Mechanism
 from handfast.planning.question import Requirements
 from handfast.readers import grasp_file
-from handfast.readers.grasp_file import ActuatorEntry
+from handfast.readers.grasp_file import ActuatorEntry, actuators_to_dict, by_joint, mechanism_of
 from handfast.stability.answers.answer import state_json
 from handfast.stability.problem.loads import Loads, Weight
 from handfast.stability.problem.model import State
@@ -117,27 +117,15 @@ class GraspsAnswerEntry(Strict):
     grasps: list[dict[str, Any]]
 
 
-class LawEntry(Strict):
-    """As `JointLaw`; null where nothing stops it."""
-
-    friction: Finite = 0.0
-    stiffness: Finite = 0.0
-    rest: tuple[Finite, Finite] = (0.0, 0.0)
-    stops: tuple[Finite | None, Finite | None] = (None, None)
-
-    def law(self, field: str) -> JointLaw:
-        low, high = self.stops
-        ends = (-np.inf if low is None else low, np.inf if high is None else high)
-        try:
-            return JointLaw(self.friction, self.stiffness, self.rest, ends)
-        except InputError as fault:
-            raise fault.within(field) from None
-
-
-class TendonEntry(LawEntry):
+@dataclass(frozen=True, kw_only=True)
+class TendonEntry(JointLaw):
     """A tendon with laws of its own: its length by joint, and these."""
 
     joints: dict[str, Finite]
+
+    @property
+    def law(self) -> JointLaw:
+        return JointLaw(self.friction, self.stiffness, self.rest, self.stops)
 
 
 class MotorsEntry(Strict):
@@ -145,7 +133,7 @@ class MotorsEntry(Strict):
 
     actuators: list[ActuatorEntry]
     closing: dict[str, Sense]
-    laws: dict[str, LawEntry] = Field(default_factory=dict)
+    laws: dict[str, JointLaw] = Field(default_factory=dict)
     tendons: dict[str, TendonEntry] = Field(default_factory=dict)
 
 
@@ -358,19 +346,10 @@ def _grasp(task: Task, e: GraspEntry, answer: dict[str, Any], field: str) -> Sav
 def driven(hand: Hand, motors: MotorsEntry) -> Hand:
     """The task's hand with what drives it; `InputError` with the field of what is wrong."""
     names = hand.joint_names
-    for i, a in enumerate(motors.actuators):
-        for j in a.joints:
-            hand.joint(j, field=f"motors.actuators[{i}].joints")
     if set(motors.closing) != set(names):
         raise InputError(f"is not of the hand's joints: {', '.join(names)}", field="motors.closing")
     try:
-        mechanism = Mechanism(
-            tuple(a.name for a in motors.actuators),
-            np.array([[a.joints.get(j, 0.0) for j in names] for a in motors.actuators]).reshape(-1, hand.l),
-            coupling_rows(hand.couplings, hand.l),
-            tuple(a.tendon for a in motors.actuators),
-            tuple(a.backdrivable for a in motors.actuators),
-        )
+        mechanism = mechanism_of(motors.actuators, coupling_rows(hand.couplings, hand.l), names, "actuators")
     except InputError as fault:
         raise fault.within("motors") from None
     for j in motors.laws:
@@ -378,11 +357,9 @@ def driven(hand: Hand, motors: MotorsEntry) -> Hand:
     for n, e in motors.tendons.items():
         for j in e.joints:
             hand.joint(j, field=f"motors.tendons.{n}.joints")
-    laws = {n: e.law(f"motors.laws.{n}") for n, e in motors.laws.items()}
-    joints = tuple(replace(j, law=laws.get(j.name, NO_LAW)) for j in hand.joints)
+    joints = tuple(replace(j, law=motors.laws.get(j.name, NO_LAW)) for j in hand.joints)
     tendons = tuple(
-        PassiveTendon(n, np.array([e.joints.get(j, 0.0) for j in names]), e.law(f"motors.tendons.{n}"))
-        for n, e in motors.tendons.items()
+        PassiveTendon(n, np.array([e.joints.get(j, 0.0) for j in names]), e.law) for n, e in motors.tendons.items()
     )
     closing = np.array([motors.closing[j] for j in names])
     return replace(hand, joints=joints, tendons=tendons, mechanism=mechanism, closing=closing)
@@ -390,19 +367,12 @@ def driven(hand: Hand, motors: MotorsEntry) -> Hand:
 
 def motors_to_dict(hand: Hand) -> dict[str, Any]:
     """What drives a hand, and the sense in which its joints close."""
-    m, names = hand.mechanism, hand.joint_names
+    names = hand.joint_names
     laws = {
-        "laws": {j.name: j.law.to_json() for j in hand.joints if j.law.any},
-        "tendons": {t.name: t.law.to_json() | {"joints": _named(t.row, names)} for t in hand.tendons},
+        "laws": {j.name: written(j.law) for j in hand.joints if j.law.any},
+        "tendons": {t.name: written(t.law) | {"joints": by_joint(t.row, names)} for t in hand.tendons},
     }
     return {
-        "actuators": [
-            {"name": n, "joints": _named(row, names), "tendon": t} | ({"backdrivable": True} if free else {})
-            for n, row, t, free in zip(m.actuators, m.R, m.tendon, m.backdrivable, strict=True)
-        ],
+        "actuators": actuators_to_dict(hand.mechanism, names),
         "closing": {n: int(s) for n, s in zip(names, hand.closing, strict=True)},
     } | {name: of for name, of in laws.items() if of}
-
-
-def _named(row: Array, joints: Sequence[str]) -> dict[str, float]:
-    return {j: float(v) for j, v in zip(joints, row, strict=True) if v}
