@@ -134,7 +134,7 @@ FINGER = chain(joint("d0"))
         ((dof("x"), FINGER), "robot.xml: dof 0: has type 'x'; r, b and c are understood$"),
         ((dof(), chain(joint("2*d0"))), r"joint chain0_joint0.theta: is '2\*d0'; such as d0, d0\*2 or"),
         ((dof(), chain(joint("d1"))), "joint chain0_joint0.theta: is 'd1', and there are 1 DOFs, d0 first$"),
-        ((dof(), chain(joint("d0", a=float("nan")))), "joint chain0_joint0.a: is 'nan'; 1 finite number"),
+        ((dof(), chain(joint("d0", a=float("nan")))), "joint chain0_joint0.a: is 'nan'; a finite number"),
         (
             (dof(), chain(joint("d0"), links=("Screw",))),
             "link chain0_link0: has dynamicJointType 'Screw'; known: Fixed,",
@@ -196,7 +196,7 @@ def test_a_body_is_in_millimetres_and_grams(tmp_path: Path, caplog: pytest.LogCa
         ("<material>jelly</material>", "block.xml: material: is 'jelly'; known: frictionless, glass, metal, plastic"),
         ("<geometryScaling>0</geometryScaling>", "geometryScaling: is not positive$"),
         ("<geometryScalingX>2</geometryScalingX>", "geometryScaling: differs along the axes; scale the mesh itself$"),
-        ("<cog>1 2</cog>", "cog: is '1 2'; 3 finite numbers needed$"),
+        ("<cog>1 2</cog>", "cog: is '1 2'; 3 finite numbers are needed$"),
         ("<geometryFile>no.iv</geometryFile>", "geometryFile: is 'no.iv', which was not found in"),
     ],
 )

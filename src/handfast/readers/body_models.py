@@ -16,11 +16,11 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.mesh_pieces import checked_scale, components, is_convex, pieces_of
-from handfast.model.shape import Kind, Shape
+from handfast.model.shape import Shape
 from handfast.readers.mesh_file import MESH_FILES, read_meshes
 from handfast.readers.registry import ObjectParts
-from handfast.readers.urdf import find_mesh, numbers, origin, roll_pitch_yaw
-from handfast.readers.xml_file import read_robot_xml
+from handfast.readers.urdf import find_mesh, link_tree, named_links, origin, roll_pitch_yaw, sizes, solid
+from handfast.readers.xml_file import numbers_in, read_robot_xml
 
 FRICTIONS = ("ode/mu", "ode/mu2", "bullet/friction", "bullet/friction2")  # coefficients in an SDF file's surface
 
@@ -70,31 +70,17 @@ def read_body_model(path: Path, scale: float = 1.0) -> ObjectParts:
 
 
 def _of_urdf(root: Element, path: Path, scale: float) -> ObjectParts:
-    links = _links(root)
-    above: dict[str, tuple[str, Array]] = {}
-    for joint in root.findall("joint"):
-        name, ends = joint.get("name", "?"), [joint.find(end) for end in ("parent", "child")]
-        _refuse_moving(joint, name)
-        first, second = ("" if e is None else e.get("link", "") for e in ends)
-        for link in (first, second):
-            if link not in links:
-                raise InputError(f"has link '{link}', which is not defined", field=f"joint {name}")
-        if second in above:
-            raise InputError("hangs on two joints; a tree is needed", field=f"link {second}")
-        above[second] = (first, origin(joint, f"joint {name}"))
+    links, above = link_tree(root)
+    for _, joint in above.values():
+        _refuse_moving(joint)
 
     def pose(link: str) -> Array:
         T = np.eye(4)
-        for _ in links:
-            if link not in above:
-                return T
-            link, step = above[link]
-            T = step @ T
-        raise InputError("has a loop of links; a tree is needed")
+        while link in above:
+            link, joint = above[link]
+            T = origin(joint, f"joint {joint.get('name')}") @ T
+        return T
 
-    loose = [link for link in links if link not in above]
-    if len(loose) > 1:
-        raise InputError(f"hangs on no joint, nor does link {loose[0]}; a tree is needed", field=f"link {loose[1]}")
     return _parts(root.get("name", path.stem), links, pose, origin, path, scale)
 
 
@@ -103,8 +89,8 @@ def _of_sdf(root: Element, path: Path, scale: float) -> ObjectParts:
     if len(models) != 1 or models[0].find("model") is not None or models[0].find("include") is not None:
         raise InputError("is not of one model without others in it; such an SDF file is needed")
     for joint in models[0].findall("joint"):
-        _refuse_moving(joint, joint.get("name", "?"))
-    links = _links(models[0])
+        _refuse_moving(joint)
+    links = named_links(models[0])
     return _parts(
         models[0].get("name", path.stem),
         links,
@@ -115,20 +101,10 @@ def _of_sdf(root: Element, path: Path, scale: float) -> ObjectParts:
     )
 
 
-def _links(parent: Element) -> dict[str, Element]:
-    """The links by name; `InputError` if two have the same."""
-    found: dict[str, Element] = {}
-    for e in parent.findall("link"):
-        name = e.get("name", "")
-        if name in found:
-            raise InputError("is the name of two links", field=f"link {name}")
-        found[name] = e
-    return found
-
-
-def _refuse_moving(joint: Element, name: str) -> None:
+def _refuse_moving(joint: Element) -> None:
     if joint.get("type") != "fixed":
-        raise InputError(f"is {joint.get('type')}; an object is one rigid body", field=f"joint {name}")
+        problem = f"is {joint.get('type')}; an object is one rigid body"
+        raise InputError(problem, field=f"joint {joint.get('name', '?')}")
 
 
 def _parts(
@@ -149,22 +125,22 @@ def _parts(
     for link, e in links.items():
         where = f"link {link}"
         base = pose(link)
-        for solid in e.findall(kind):
-            geometry = solid.find("geometry")
+        for element in e.findall(kind):
+            geometry = element.find("geometry")
             if geometry is None or not len(geometry):
                 raise InputError(f"has a {kind} without geometry", field=where)
-            at = _scaled(base @ place(solid, where), scale)
+            at = _scaled(base @ place(element, where), scale)
             if geometry[0].tag == "mesh":
                 file, larger = _mesh(geometry[0], path, where)
                 pieces += pieces_of(meshes[file], file.name, larger * scale, at)
             else:
-                pieces.append(_solid(geometry[0], at, f"{link}/{len(pieces)}", where, scale))
-            given = (solid.find(f"surface/friction/{key}") for key in FRICTIONS)
-            frictions += [_values(mu, 1, where)[0] for mu in given if mu is not None]
+                pieces.append(solid(geometry[0], at, f"{link}/{len(pieces)}", where, scale))
+            given = (element.find(f"surface/friction/{key}") for key in FRICTIONS)
+            frictions += [numbers_in(mu.text or "", 1, where, f"<{mu.tag}> ")[0] for mu in given if mu is not None]
         inertial = e.find("inertial")
         mass = None if inertial is None else inertial.find("mass")
         if inertial is not None and mass is not None:
-            kg = numbers(mass, "value", 1, where)[0] if mass.get("value") else _values(mass, 1, where)[0]
+            (kg,) = numbers_in(mass.get("value") or mass.text or "", 1, where, "<mass> ")
             if kg < 0:
                 raise InputError(f"has a mass of {kg:g} kg; 0 or more is needed", field=where)
             masses.append((kg, _scaled(base @ place(inertial, where), scale)[:3, 3]))
@@ -181,35 +157,10 @@ def _scaled(T: Array, scale: float) -> Array:
 
 def _mesh(g: Element, path: Path, where: str) -> tuple[Path, float]:
     """The file of a <mesh>, and by which it is larger than that."""
-    along = _sizes(g, "scale", 3, where, "1 1 1")
+    along = sizes(g, "scale", 3, where, "1 1 1")
     if g.find("submesh") is not None or max(along) - min(along) > 1e-9 * max(along) or min(along) <= 0:
         raise InputError("has a mesh of which a part is taken, or whose scales differ or are no lengths", field=where)
     return find_mesh(g.findtext("uri", g.get("filename", "")).strip(), path, where), along[0]
-
-
-def _solid(g: Element, at: Array, name: str, where: str, scale: float) -> Shape:
-    """A geometry that is no mesh."""
-    size: list[float]
-    match g.tag:
-        case "box":
-            size = _sizes(g, "size", 3, where)
-        case "sphere":
-            size = _sizes(g, "radius", 1, where)
-        case "cylinder" | "capsule":
-            size = _sizes(g, "radius", 1, where) + _sizes(g, "length", 1, where)
-        case "ellipsoid":
-            size = _sizes(g, "radii", 3, where)
-        case _:
-            right = "box, sphere, cylinder, capsule, ellipsoid and mesh are understood"
-            raise InputError(f"has a {g.tag}; {right}", field=where)
-    kind: Kind = g.tag
-    return Shape(kind, [scale * x for x in size], at, name=name)
-
-
-def _sizes(g: Element, key: str, n: int, where: str, default: str | None = None) -> list[float]:
-    """The n numbers of a geometry. URDF has them in attributes, SDF in elements."""
-    inner = g.find(key)
-    return numbers(g, key, n, where, default) if inner is None else _values(inner, n, where)
 
 
 def _sdf_pose(e: Element, where: str) -> Array:
@@ -221,13 +172,8 @@ def _sdf_pose(e: Element, where: str) -> Array:
     if other not in (None, "", "__model__"):
         raise InputError(f"has a pose relative to {other}; the model's frame is needed", field=where)
     if pose.get("rotation_format") == "quat_xyzw":
-        values = _values(pose, 7, where)
+        values = numbers_in(pose.text or "", 7, where, "<pose> ")
         return transform(values[:3], quaternion_matrix([values[6], *values[3:6]]))
-    values = _values(pose, 6, where)
+    values = numbers_in(pose.text or "", 6, where, "<pose> ")
     turn = np.pi / 180 if pose.get("degrees") in ("true", "1") else 1.0
     return transform(values[:3], roll_pitch_yaw(*(turn * v for v in values[3:])))
-
-
-def _values(e: Element, n: int, where: str) -> list[float]:
-    """The finite numbers in an element's text."""
-    return numbers(Element(e.tag, {"value": e.text or ""}), "value", n, where)

@@ -17,10 +17,17 @@ from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, direct_mechanism, guess_closing, refuse_large
 from handfast.model.hand.joint_law import NO_LAW, JointLaw
-from handfast.model.shape import Mesh, Shape
+from handfast.model.shape import Kind, Mesh, Shape
 from handfast.readers.mesh_file import read_meshes
-from handfast.readers.xml_file import read_robot_xml
+from handfast.readers.xml_file import numbers_in, read_robot_xml
 
+SOLIDS: dict[Kind, dict[str, int]] = {  # how many numbers of which names
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "ellipsoid": {"radii": 3},
+}
 TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
 
 
@@ -39,49 +46,30 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
         InputError: no single root link, unknown joint type, missing limits, missing mesh file, bad numbers, an unknown
             base, a joint of its part that mimics one outside.
     """
-    elements: dict[str, Element] = {}
-    for e in root.findall("link"):
-        link = _attribute(e, "name", "link")
-        if link in elements:
-            raise InputError("is the name of two links", field=f"link {link}")
-        elements[link] = e
     joints_xml = root.findall("joint")
-    refuse_large(len(elements), len(joints_xml), len(root.findall("link/collision")))
-    children: dict[str, list[Element]] = {name: [] for name in elements}
-    orphans = dict.fromkeys(elements)
-    for e in joints_xml:
-        name = _attribute(e, "name", "joint")
-        for end in ("parent", "child"):
-            found = e.find(end)
-            link = "" if found is None else found.get("link", "")
-            if link not in elements:
-                raise InputError(f"has {end} link '{link}', which is not defined", field=f"joint {name}")
-        children[e.find("parent").get("link")].append(e)  # type: ignore[union-attr, index]
-        if orphans.pop(e.find("child").get("link"), 0) == 0:  # type: ignore[union-attr, arg-type]
-            raise InputError("leads to a link that has a parent already", field=f"joint {name}")
-    if len(orphans) != 1:
-        raise InputError(f"has {len(orphans)} links without a parent; exactly one base link is needed")
-
+    refuse_large(len(root.findall("link")), len(joints_xml), len(root.findall("link/collision")))
+    elements, above = link_tree(root)
     if base is not None and base not in elements:
         raise unknown_name("link", base, elements, field="root")
+    children: dict[str, list[tuple[str, Element]]] = {name: [] for name in elements}
+    for child, (parent_link, joint) in above.items():
+        children[parent_link].append((child, joint))
+    top = base or next(name for name in elements if name not in above)
 
     frames: list[tuple[str, int, Array, tuple[int, ...]]] = []
     joints: list[Joint] = []
     order: dict[str, int] = {}
-    todo: list[tuple[str, int, Element | None]] = [(base or next(iter(orphans)), -1, None)]
+    todo: list[tuple[str, int, Element | None]] = [(top, -1, None)]
     while todo:
-        name, parent, above = todo.pop()
+        name, parent, moving = todo.pop()
         own: tuple[int, ...] = ()
-        pose = np.eye(4) if above is None else origin(above, f"joint {above.get('name')}")
-        if above is not None and above.get("type") != "fixed":
+        pose = np.eye(4) if moving is None else origin(moving, f"joint {moving.get('name')}")
+        if moving is not None and moving.get("type") != "fixed":
             own = (len(joints),)
-            order[above.get("name", "")] = len(joints)
-            joints.append(_joint(above))
+            order[moving.get("name", "")] = len(joints)
+            joints.append(_joint(moving))
         frames.append((name, parent, pose, own))
-        for child in reversed(children[name]):
-            todo.append((child.find("child").get("link", ""), len(frames) - 1, child))  # type: ignore[union-attr]
-    if base is None and len(frames) != len(elements):
-        raise InputError("has a loop of links; a tree is needed")
+        todo += [(child, len(frames) - 1, joint) for child, joint in reversed(children[name])]
     named = ((name, g) for name, *_ in frames for g in elements[name].iterfind("collision/geometry/mesh"))
     meshes = read_meshes(_mesh(g, path, name)[0] for name, g in named)
     links = tuple(
@@ -95,6 +83,48 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     closing = guess_closing(tuple(joints), couplings)
     name = root.get("name", path.stem)
     return Hand(name, links, tuple(joints), mechanism, couplings, closing, source=str(path))
+
+
+def named_links(parent: Element) -> dict[str, Element]:
+    """The links by name; `InputError` if one has none, or two have the same."""
+    found: dict[str, Element] = {}
+    for e in parent.findall("link"):
+        name = _attribute(e, "name", "link")
+        if name in found:
+            raise InputError("is the name of two links", field=f"link {name}")
+        found[name] = e
+    return found
+
+
+def link_tree(root: Element) -> tuple[dict[str, Element], dict[str, tuple[str, Element]]]:
+    """The links of a URDF file by name, and of each but the base the link above it and the joint that is between.
+
+    Raises:
+        InputError: links or joints without names, two of one name, links that are not defined or make no single tree.
+    """
+    links, above = named_links(root), dict[str, tuple[str, Element]]()
+    for e in root.findall("joint"):
+        where, ends = f"joint {_attribute(e, 'name', 'joint')}", []
+        for end in ("parent", "child"):
+            found = e.find(end)
+            ends.append("" if found is None else found.get("link", ""))
+            if ends[-1] not in links:
+                raise InputError(f"has {end} link '{ends[-1]}', which is not defined", field=where)
+        if ends[1] in above:
+            raise InputError("leads to a link that has a parent already", field=where)
+        above[ends[1]] = ends[0], e
+    tops = [link for link in links if link not in above]
+    if len(tops) != 1:
+        raise InputError(f"has {len(tops)} links without a parent; exactly one base link is needed")
+    below = {tops[0]}  # the base, and what hangs on it
+    for link in links:
+        way = dict[str, None]()
+        while link not in below:
+            if link in way:
+                raise InputError("has a loop of links; a tree is needed")
+            way[link], link = None, above[link][0]
+        below.update(way)
+    return links, above
 
 
 def _joint(e: Element) -> Joint:
@@ -144,20 +174,30 @@ def _shape(e: Element, link: str, number: int, path: Path, meshes: dict[Path, li
     where = f"link {link}"
     pose, geometry = origin(e, where), e.find("geometry")
     name = e.get("name") or f"{link}/{number}"
-    for g in () if geometry is None else geometry:
-        match g.tag:
-            case "box":
-                return Shape("box", numbers(g, "size", 3, where), pose, name=name)
-            case "sphere":
-                return Shape("sphere", numbers(g, "radius", 1, where), pose, name=name)
-            case "cylinder" | "capsule":
-                size = [numbers(g, key, 1, where)[0] for key in ("radius", "length")]
-                return Shape(g.tag, size, pose, name=name)
-            case "mesh":
-                file, scale = _mesh(g, path, link)
-                points = np.vstack([v for v, _ in meshes[file]])
-                return Shape.hull(points * scale, pose, name)
-    raise InputError("has a collision without box, sphere, cylinder, capsule or mesh", field=where)
+    if geometry is None or not len(geometry):
+        raise InputError("has a collision without geometry", field=where)
+    if geometry[0].tag != "mesh":
+        return solid(geometry[0], pose, name, where)
+    file, scale = _mesh(geometry[0], path, link)
+    return Shape.hull(np.vstack([v for v, _ in meshes[file]]) * scale, pose, name)
+
+
+def solid(g: Element, pose: Array, name: str, where: str, scale: float = 1.0) -> Shape:
+    """The shape of a geometry that is no mesh, `scale` times as large as it is said to be; `InputError` with `where`.
+
+    Its numbers are in attributes, as in a URDF file, or in elements, as in an SDF file.
+    """
+    if g.tag not in SOLIDS:
+        raise InputError(f"has a {g.tag}; {', '.join(SOLIDS)} and mesh are understood", field=where)
+    kind: Kind = g.tag
+    size = [x for key, n in SOLIDS[kind].items() for x in sizes(g, key, n, where)]
+    return Shape(kind, [scale * x for x in size], pose, name=name)
+
+
+def sizes(g: Element, key: str, n: int, where: str, default: str | None = None) -> list[float]:
+    """The n numbers of a geometry, in an attribute or in an element."""
+    inner = g.find(key)
+    return numbers(g, key, n, where, default) if inner is None else numbers_in(inner.text or "", n, where, f"<{key}> ")
 
 
 def find_mesh(filename: str, path: Path, where: str) -> Path:
@@ -210,13 +250,7 @@ def numbers(e: Element, key: str, n: int, where: str, default: str | None = None
     text = e.get(key, default)
     if text is None:
         raise InputError(f"<{e.tag}> has no {key}", field=where)
-    try:
-        values = [float(t) for t in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != n or not np.isfinite(values).all():
-        raise InputError(f"<{e.tag}> {key} is '{text}'; {n} finite numbers are needed", field=where)
-    return values
+    return numbers_in(text, n, where, f"<{e.tag}> {key} ")
 
 
 def _attribute(e: Element, key: str, where: str) -> str:

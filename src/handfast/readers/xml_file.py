@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -44,6 +45,18 @@ def read_xml(path: Path, right: str = "") -> Element:
 def read_robot_xml(path: Path) -> Element:
     """As `read_xml`, of a hand or an object."""
     return read_xml(path, "a URDF or MJCF file")
+
+
+def numbers_in(text: str, n: int, field: str, name: str = "") -> list[float]:
+    """The n finite numbers of a text; `InputError` that calls it `name` if it has others."""
+    try:
+        values = [float(t) for t in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != n or not all(map(math.isfinite, values)):
+        need = "a finite number is" if n == 1 else f"{n} finite numbers are"
+        raise InputError(f"{name}is '{text}'; {need} needed", field=field)
+    return values
 
 
 def _refuse(data: bytes) -> None:

@@ -22,7 +22,7 @@ from handfast.model.mesh_pieces import joined, pieces_of
 from handfast.model.shape import Mesh, Shape
 from handfast.readers.mesh_file import MESH_FILES, read_mesh, read_meshes
 from handfast.readers.registry import ObjectParts
-from handfast.readers.xml_file import read_xml
+from handfast.readers.xml_file import numbers_in, read_xml
 
 MILLI = 1e-3  # [m/mm, kg/g]
 FULL = re.compile(r"\(([^()\[\]]*)\)\s*\[([^()\[\]]*)\]")
@@ -41,17 +41,6 @@ def text_of(e: Element, tag: str) -> str:
     """The text of a child element, "" if there is none."""
     found = e.find(tag)
     return "" if found is None or found.text is None else found.text.strip()
-
-
-def numbers_in(text: str, n: int, field: str) -> list[float]:
-    """The n finite numbers of a text; `InputError` if it has others."""
-    try:
-        values = [float(t) for t in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != n or not np.isfinite(values).all():
-        raise InputError(f"is '{text}'; {n} finite number{'s' * (n > 1)} needed", field=field)
-    return values
 
 
 def pose_of(e: Element, field: str) -> Array:

@@ -14,10 +14,11 @@ from handfast.core.transforms import matrix_quaternion
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration, PoseFile
 from handfast.model.hand.hand import Hand
-from handfast.readers.graspit.graspit_body import MILLI, GraspitBody, friction_of, numbers_in, parse, pose_of, text_of
+from handfast.readers.graspit.graspit_body import MILLI, GraspitBody, friction_of, parse, pose_of, text_of
 from handfast.readers.graspit.robot import ChainJoint, Dof, link_materials, read_dofs
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
+from handfast.readers.xml_file import numbers_in
 
 ROUNDING = 1e-4  # [rad, mm] by which a value may pass a limit: a world has six digits
 LOG = logging.getLogger("handfast")

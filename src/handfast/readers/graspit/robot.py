@@ -19,7 +19,8 @@ from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.hand.joint_law import JointLaw
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
-from handfast.readers.graspit.graspit_body import MILLI, GraspitBody, numbers_in, pose_of, text_of, turned
+from handfast.readers.graspit.graspit_body import MILLI, GraspitBody, pose_of, text_of, turned
+from handfast.readers.xml_file import numbers_in
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 VALUE = re.compile(rf"d(\d+)(?:\*({NUMBER}))?(?:([+-])({NUMBER}))?")  # of a joint: d0, d0*2, d0+30, d0*-.5+-30
