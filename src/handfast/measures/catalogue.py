@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.measures import chosen_forces, energies, wrench_space
 from handfast.measures.internal_forces import InternalForces, contact_robustness, grasp_robustness, internal_forces
 from handfast.measures.passive import PassiveMaxima, passive_maxima
-from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_wrenches
+from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_forces, edge_wrenches
 from handfast.measures.wrench_space import LEAST, force_closure
 from handfast.model.grasp import Grasp
 from handfast.stability.problem.settings import Settings
@@ -25,28 +26,47 @@ RIGID = "joints, no motors"
 OURS = "joints and commands"
 
 
-@dataclass(frozen=True, eq=False)
-class Asked:
-    """A grasp, the choices that its measures are made with, and what several measures share.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeasureOptions:
+    """What measures are made with.
 
     Attributes:
-        scale: of all measures but the energies.
-        energy_scale: of the energies.
-        edges: of a friction cone's pyramid.
-        force_limit: [N] the largest normal force at a contact, where a measure has one.
-        torque_limits: of actuators by name, for forces that a controller chooses.
-        settings: of the searches for passive maxima.
+        edges: of the pyramids that stand for friction cones.
+        force_limit: [N] the largest normal force at each contact, where a measure has one.
+        torque_limits: of actuators by name; for the largest wrench and the smallest forces alone, which a controller
+            chooses.
+        settings: of the searches for passive maxima; unless given, 1 % between the bounds is enough and 1000 nodes are
+            the most.
         jobs: cores for these.
+
+    Raises:
+        InputError: a number of edges or a force that cannot be.
     """
 
-    grasp: Grasp
-    scale: WrenchScale
-    energy_scale: WrenchScale
     edges: int = EDGES
     force_limit: float = 1.0
     torque_limits: Mapping[str, float] = field(default_factory=dict)
     settings: Settings | None = None
     jobs: int | None = 1
+
+    def __post_init__(self) -> None:
+        edge_forces(0.0, self.edges)  # refuses a number that cannot be, whatever is wanted
+        if not (np.isfinite(self.force_limit) and self.force_limit > 0):
+            raise InputError(f"is {self.force_limit:g}; a force above 0 [N] is needed", field="force_limit")
+
+
+@dataclass(frozen=True, eq=False)
+class Asked(MeasureOptions):
+    """A grasp, the choices that its measures are made with, and what several measures share.
+
+    Attributes:
+        scale: of all measures but the energies.
+        energy_scale: of the energies.
+    """
+
+    grasp: Grasp
+    scale: WrenchScale
+    energy_scale: WrenchScale
 
     @cached_property
     def G(self) -> Array:

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked, unknown_name
+from handfast.core.errors import kinds_checked, unknown_name
 from handfast.core.presented import Presented
 from handfast.core.schema import written
-from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure
+from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure, MeasureOptions
 from handfast.measures.chosen_forces import check_limits
 from handfast.measures.conic_program import NotMeasured
 from handfast.measures.energies import benchmark_scale
 from handfast.measures.internal_forces import LOST, SLIDES
 from handfast.measures.passive import PassiveMaxima
-from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_forces
+from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.grasp import Grasp
-from handfast.stability.problem.settings import Settings
 
 SCHEMA = "handfast/measures/1"
 OPEN = 0.02  # relative distance of the bounds of a passive maximum from which on both are shown
@@ -101,13 +99,9 @@ def measure(
     *,
     about: object = None,
     length: float | None = None,
-    edges: int = EDGES,
-    force_limit: float = 1.0,
-    torque_limits: Mapping[str, float] | None = None,
     only: tuple[str, ...] | list[str] | None = None,
     passive: bool = True,
-    settings: Settings | None = None,
-    jobs: int | None = 1,
+    **options: Any,
 ) -> Measures:
     """The measures of a grasp that the literature compares grasps by, beside Handfast's own: `docs/measures.md`.
 
@@ -116,34 +110,33 @@ def measure(
             is unknown. Energies of planners are about the contacts' middle unless this is given.
         length: [m] by which torques are divided; the largest distance of a contact from that point. For the energies
             the mean distance, unless this is given.
-        edges: of the pyramids that stand for friction cones.
-        force_limit: [N] the largest normal force at each contact, where a measure has one.
-        torque_limits: of actuators by name; for the largest wrench and the smallest forces alone.
         only: keys of the measures that are wanted; all unless given.
         passive: ask for Handfast's own passive maxima, too: searches that may take seconds.
-        settings: of these searches; unless given, 1 % between the bounds is enough and 1000 nodes are the most.
-        jobs: cores for them.
+        options: of `MeasureOptions`, by name: `edges`, `force_limit`, `torque_limits`, `settings`, `jobs`.
 
     Raises:
         InputError: a point, length, number of edges, limit or name that cannot be.
     """
-    edge_forces(0.0, edges)  # refuses a number that cannot be, whatever is wanted
-    if not (np.isfinite(force_limit) and force_limit > 0):
-        raise InputError(f"is {force_limit:g}; a force above 0 [N] is needed", field="force_limit")
     for key in only or ():
         if key not in KEYS:
             raise unknown_name("measure", key, KEYS, field="only")
-    scale = WrenchScale.of(grasp, about, length)
+    given, scale = MeasureOptions(**options), WrenchScale.of(grasp, about, length)
+    check_limits(grasp, given.torque_limits)
     usual = benchmark_scale(grasp)
     point, arm = scale.about if about is not None else usual.about, scale.length if length is not None else usual.length
-    limits = dict(torque_limits or {})
-    check_limits(grasp, limits)
-    asked = Asked(grasp, scale, WrenchScale(point, arm), edges, float(force_limit), limits, settings, jobs)
+    asked = Asked(grasp, scale, WrenchScale(point, arm), **vars(given))
     wanted = [m for m in CATALOGUE if (m.key in only if only is not None else passive or m.key != PASSIVE)]
     values = tuple(_measured(m, asked) for m in wanted)
     found = asked.__dict__  # what the measures have asked for is kept there
     return Measures(
-        grasp, scale, asked.energy_scale, edges, asked.force_limit, values, found.get("passive"), found.get("chosen")
+        grasp,
+        scale,
+        asked.energy_scale,
+        asked.edges,
+        float(asked.force_limit),
+        values,
+        found.get("passive"),
+        found.get("chosen"),
     )
 
 

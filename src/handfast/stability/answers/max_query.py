@@ -159,7 +159,6 @@ def maximum(
     interval: bool = False,
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
-    near: Sequence[Near] = (),
 ) -> MaxAnswer:
     """The largest s such that the disturbance base + s direction is resisted: section VII-B, (23)-(25).
 
@@ -170,15 +169,11 @@ def maximum(
             are a force at the object's origin.
         base: (6,) a constant load such as gravity, or (3,) a force.
         interval: show which smaller magnitudes are resisted, too, see `search/interval_search`.
-        near: states and their magnitudes of questions that are nearly the same: Newton's method starts from them, too.
 
     The other arguments and errors are those of `check`.
     """
-    settings = settings or Settings()
-    clock = clock_of(settings)
-    w0 = np.zeros(6) if base is None else base
-    answer = largest(scaled_problem.build(grasp, w0, direction, limits=limits, mdp=mdp), settings, on_progress, near)
-    return with_interval(answer, time_left(settings, clock)) if interval else answer
+    p = scaled_problem.build(grasp, np.zeros(6) if base is None else base, direction, limits=limits, mdp=mdp)
+    return largest(p, settings or Settings(), on_progress, interval=interval)
 
 
 def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
@@ -221,12 +216,21 @@ def max_goal(p: ScaledProblem) -> Objective:
 
 
 def largest(
-    p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, near: Sequence[Near] = ()
+    p: ScaledProblem,
+    settings: Settings,
+    on_progress: OnStep | None = None,
+    *,
+    interval: bool = False,
+    near: Sequence[Near] = (),
 ) -> MaxAnswer:
-    """The answer to a built problem; near: see `maximum`."""
+    """The answer of `maximum` to a built problem.
+
+    near: states and their magnitudes of questions that are nearly the same: Newton's method starts from them, too.
+    """
     limits = clock_of(settings)
     answer = shown_maximum(*_search(p, settings, on_progress, near))
-    return answer.settled(limits.end) if settings.verify else answer
+    answer = answer.settled(limits.end) if settings.verify else answer
+    return with_interval(answer, time_left(settings, limits)) if interval else answer
 
 
 def shown_maximum(posed: BoundProblem, found: Outcome) -> MaxAnswer:

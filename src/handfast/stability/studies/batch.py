@@ -35,10 +35,10 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import MaxAnswer, check, maximum, torques
+from handfast.stability.answers import MaxAnswer, check, torques
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.batch_answer import INTERRUPTED, AnswerRows, BatchAnswer
-from handfast.stability.answers.max_query import Near
+from handfast.stability.answers.max_query import Near, largest
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -55,20 +55,33 @@ FEW = 2  # questions about one grasp from which on it pays to prepare it
 FORK, FORK_ALONE = 500, 60  # questions from which on processes pay, of the kernel and of those that are asked alone
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BatchOptions:
-    """What all questions share; answers: are whole ones wanted? interval: of maxima, see `maximum`."""
+    """What all questions about many loads and grasps can be asked with.
+
+    Attributes:
+        limits: as in `check`.
+        settings: as in `check`; `settings.verify` says whether what slips is replayed by the checker.
+        jobs: cores to use; None for all. Answers do not depend on it.
+    """
+
+    limits: GraspLimits = NO_LIMITS
+    settings: Settings = field(default_factory=Settings)
+    jobs: int | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RowQuestion(BatchOptions):
+    """What is asked of rows; answers: are whole ones wanted? mdp, interval, objective, actuators: of the query."""
 
     query: Query
-    limits: GraspLimits = NO_LIMITS
     mdp: bool = True
-    settings: Settings = field(default_factory=Settings)
-    objective: Effort = "max"
-    actuators: Sequence[str] | None = None
     answers: bool = False
     interval: bool = False
+    objective: Effort = "max"
+    actuators: Sequence[str] | None = None
 
-    def of_rows(self) -> BatchOptions:
+    def of_rows(self) -> RowQuestion:
         """The same for searches with one thread each: cores are for rows."""
         return replace(self, settings=replace(self.settings, jobs=1))
 
@@ -83,12 +96,10 @@ def check_many(
     grasps: Grasp | Sequence[Grasp],
     wrenches: Any,
     *,
-    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    settings: Settings | None = None,
-    jobs: int | None = None,
     answers: bool = False,
     on_progress: OnItem | None = None,
+    **options: Any,
 ) -> BatchAnswer:
     """Which of these disturbances does each grasp resist? `check` for many.
 
@@ -96,11 +107,10 @@ def check_many(
         grasps: one, or g of them.
         wrenches: (n, 6) forces [N] and torques [N m], object frame, or (n, 3) forces, asked of every grasp; or
             (g, n, 6), (g, n, 3), own ones for each; or `Loads`.
-        jobs: cores to use; by default all. Answers do not depend on it.
+        mdp: as in `check`.
         answers: keep whole answers, with witness and certificate; each is then asked by itself.
         on_progress: called with (done, total).
-
-    The other arguments are those of `check`; `settings.verify` says whether what slips is replayed by the checker.
+        options: of `BatchOptions`, by name: `limits`, `settings`, `jobs`.
 
     Returns:
         Arrays (n,) for one grasp, (g, n) for several. A row whose question is refused has the reason in `error`.
@@ -110,8 +120,8 @@ def check_many(
     Raises:
         InputError: wrenches of another shape; no grasps.
     """
-    options = BatchOptions("check", limits, mdp, settings or Settings(), answers=answers)
-    return _ask(grasps, wrenches, None, options, jobs, on_progress)
+    asked = RowQuestion(query="check", mdp=mdp, answers=answers, **vars(BatchOptions(**options)))
+    return _ask(grasps, wrenches, None, asked, on_progress)
 
 
 def max_many(
@@ -120,12 +130,10 @@ def max_many(
     *,
     base: Any = None,
     interval: bool = False,
-    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    settings: Settings | None = None,
-    jobs: int | None = None,
     answers: bool = False,
     on_progress: OnItem | None = None,
+    **options: Any,
 ) -> BatchAnswer:
     """How large a disturbance along each of these directions does each grasp resist? `maximum` for many.
 
@@ -138,8 +146,9 @@ def max_many(
 
     The other arguments, what is returned and raised are those of `check_many` and `maximum`.
     """
-    options = BatchOptions("max", limits, mdp, settings or Settings(), answers=answers, interval=interval)
-    return _ask(grasps, directions, base, options, jobs, on_progress)
+    shared = vars(BatchOptions(**options))
+    asked = RowQuestion(query="max", mdp=mdp, answers=answers, interval=interval, **shared)
+    return _ask(grasps, directions, base, asked, on_progress)
 
 
 def torques_many(
@@ -148,11 +157,9 @@ def torques_many(
     *,
     objective: Effort = "max",
     actuators: Sequence[str] | None = None,
-    limits: GraspLimits = NO_LIMITS,
-    settings: Settings | None = None,
-    jobs: int | None = None,
     answers: bool = False,
     on_progress: OnItem | None = None,
+    **options: Any,
 ) -> BatchAnswer:
     """The least commands under which each grasp resists each of these disturbances: `torques` for many.
 
@@ -161,8 +168,9 @@ def torques_many(
 
     The arguments are those of `torques` and `check_many`.
     """
-    options = BatchOptions("torques", limits, True, settings or Settings(), objective, actuators, answers)
-    return _ask(grasps, wrenches, None, options, jobs, on_progress)
+    shared = vars(BatchOptions(**options))
+    asked = RowQuestion(query="torques", objective=objective, actuators=actuators, answers=answers, **shared)
+    return _ask(grasps, wrenches, None, asked, on_progress)
 
 
 # --- from arrays to rows, and back --------------------------------------------------------------
@@ -172,8 +180,7 @@ def _ask(
     grasps: Grasp | Sequence[Grasp],
     wrenches: Any,
     base: Any,
-    options: BatchOptions,
-    jobs: int | None,
+    options: RowQuestion,
     on_progress: OnItem | None,
 ) -> BatchAnswer:
     """All rows, in blocks."""
@@ -187,7 +194,7 @@ def _ask(
     pieces = _pieces(g, n, BLOCK)
     many = g * n > (FORK if all(map(options.together, each)) else FORK_ALONE)
     forked = parallel.START == "fork" and (many or options.answers or options.query == "torques")
-    jobs = min(jobs or default_jobs(), max(len(pieces), 1))
+    jobs = min(options.jobs or default_jobs(), max(len(pieces), 1))
     parts: list[AnswerRows] = []
     with WorkerPool((each, W, B, options), jobs, threads=not forked) as pool:
         try:
@@ -246,7 +253,7 @@ def _pieces(g: int, n: int, size: int) -> list[list[_Piece]]:
     return out
 
 
-def _chunk(shared: tuple[tuple[Grasp, ...], Array, Array, BatchOptions], pieces: Sequence[_Piece]) -> list[AnswerRows]:
+def _chunk(shared: tuple[tuple[Grasp, ...], Array, Array, RowQuestion], pieces: Sequence[_Piece]) -> list[AnswerRows]:
     grasps, W, B, options = shared
     return [answer_rows(grasps[i], W[i, a:b], B[i, a:b], options) for i, a, b in pieces]
 
@@ -255,7 +262,7 @@ def _chunk(shared: tuple[tuple[Grasp, ...], Array, Array, BatchOptions], pieces:
 
 
 def answer_rows(
-    grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions, kernel: RowKernel | None = None
+    grasp: Grasp, wrenches: Array, base: Array, options: RowQuestion, kernel: RowKernel | None = None
 ) -> AnswerRows:
     """Some rows (k, 6) about one grasp: together where that may be, the rest one by one, up to Ctrl-C.
 
@@ -304,7 +311,7 @@ def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:
     return tuple(near[int(k)] for k in rows[np.argsort(-(unit[rows] @ unit[i]), kind="stable")][:NEAREST])
 
 
-def _goals(grasp: Grasp, part: AnswerRows, options: BatchOptions) -> Iterator[tuple[Any, Objective]]:
+def _goals(grasp: Grasp, part: AnswerRows, options: RowQuestion) -> Iterator[tuple[Any, Objective]]:
     """Rows that are asked in the same way, and how; those that are none of these are refused, or special."""
     W, B = part.wrenches, part.base
     with np.errstate(invalid="ignore"):
@@ -322,7 +329,7 @@ def _goals(grasp: Grasp, part: AnswerRows, options: BatchOptions) -> Iterator[tu
     yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
 
 
-def _alone(grasp: Grasp, part: AnswerRows, i: int, options: BatchOptions, near: tuple[Near, ...]) -> Answer:
+def _alone(grasp: Grasp, part: AnswerRows, i: int, options: RowQuestion, near: tuple[Near, ...]) -> Answer:
     """A row by itself; bounds are replayed where whole answers are wanted, verdicts that nothing holds in any case."""
     settings, limits = options.settings, options.limits
     w = part.wrenches[i]
@@ -331,8 +338,8 @@ def _alone(grasp: Grasp, part: AnswerRows, i: int, options: BatchOptions, near: 
     if options.query == "torques":
         sought: dict[str, Any] = {"objective": options.objective, "actuators": options.actuators}
         return torques(grasp, w, limits=limits, settings=settings, **sought)
-    ask: dict[str, Any] = {"base": part.base[i], "mdp": options.mdp, "limits": limits, "interval": options.interval}
+    p = scaled_problem.build(grasp, part.base[i], w, limits=limits, mdp=options.mdp)
     if options.answers or not settings.verify:
-        return maximum(grasp, w, settings=settings, near=near, **ask)
-    quick = maximum(grasp, w, settings=replace(settings, verify=False), near=near, **ask)
-    return maximum(grasp, w, settings=settings, **ask) if quick.verdict is Verdict.SLIPS else quick
+        return largest(p, settings, interval=options.interval, near=near)
+    quick = largest(p, replace(settings, verify=False), interval=options.interval, near=near)
+    return largest(p, settings, interval=options.interval) if quick.verdict is Verdict.SLIPS else quick

@@ -164,51 +164,54 @@ def _part(named: tuple[str, Answer | None] | None) -> dict[str, Any] | None:
     return None if named is None else {"load": named[0], "result": named[1].to_file() if named[1] else None}
 
 
-@kinds_checked
-def hold(
-    grasp: Grasp,
-    loads: Loads,
-    *,
-    actuators: Sequence[str] | None = None,
-    least: bool = True,
-    margins: bool = False,
-    command_limit: float | None = None,
-    limits: GraspLimits = NO_LIMITS,
-    settings: Settings | None = None,
-    bounding: Settings | None = None,
-    timeout: float | None = None,
-    on_progress: OnSample | None = None,
-) -> HoldAnswer:
-    """One preload that resists every load, each on its own.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HoldOptions:
+    """How one preload for many loads is sought.
 
-    Args:
+    Attributes:
         actuators: whose commands are sought; by default those that the grasp commands now, or all. The
             others stay locked; backdrivable motors stay as the grasp commands them.
         least: try every shape of the preload and bound its largest command from below; False is content with
             the first that holds.
         margins: find how much of each load is resisted under the preload, with `maximum`: `HoldAnswer.margins`.
         command_limit: largest command allowed [N m or N]; see `moderate`.
+        limits: as in `check`.
+        settings: of each query, as in `check`; its `timeout` is that of a single one.
         bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
             lower bound is claimed, and only what says that there is no preload is asked again with its proof.
-        timeout: [s] for the whole question, margins included; `settings.timeout` is that of a single query.
-        on_progress: told in words what is asked next.
-
-    The other arguments and errors are those of `check` and `torques`.
+        timeout: [s] for the whole question, margins included.
     """
-    asked = settings or Settings()
+
+    actuators: Sequence[str] | None = None
+    least: bool = True
+    margins: bool = False
+    command_limit: float | None = None
+    limits: GraspLimits = NO_LIMITS
+    settings: Settings = field(default_factory=Settings)
+    bounding: Settings | None = None
+    timeout: float | None = None
+
+
+@kinds_checked
+def hold(grasp: Grasp, loads: Loads, *, on_progress: OnSample | None = None, **options: Any) -> HoldAnswer:
+    """One preload that resists every load, each on its own.
+
+    Args:
+        on_progress: told in words what is asked next.
+        options: of `HoldOptions`, by name: `hold(grasp, loads, margins=True, timeout=10)`.
+
+    The errors are those of `check` and `torques`.
+    """
+    asked = HoldOptions(**options)
     compiled()
-    names = tuple(actuators or grasp.sought_actuators)
-    whole = SearchLimits(timeout)
-    clock = SearchLimits((1 - MARGINS) * whole.seconds_left) if margins else whole
-    search = _HoldSearch(grasp, loads, names, asked, clock, on_progress)
-    search.bounds = bounding or search.settings
-    search.most = np.inf if command_limit is None else command_limit
-    search.limits = limits
+    whole = SearchLimits(asked.timeout)
+    clock = SearchLimits((1 - MARGINS) * whole.seconds_left) if asked.margins else whole
+    search = _HoldSearch(grasp, loads, asked, clock, on_progress)
     try:
-        answer = search.run(least)
+        answer = search.run(asked.least)
     except KeyboardInterrupt:
         return search.answer(search.found, Stop.INTERRUPTED)
-    if margins and answer.preload is not None:
+    if asked.margins and answer.preload is not None:
         search.clock = whole
         answer = search.with_margins(answer)
     return replace(answer, seconds=whole.seconds)
@@ -229,21 +232,14 @@ class _HoldSearch:
     """One call of `hold`."""
 
     def __init__(
-        self,
-        grasp: Grasp,
-        loads: Loads,
-        names: tuple[str, ...],
-        settings: Settings,
-        clock: SearchLimits,
-        on_progress: OnSample | None,
+        self, grasp: Grasp, loads: Loads, asked: HoldOptions, clock: SearchLimits, on_progress: OnSample | None
     ) -> None:
-        self.grasp, self.loads, self.names, self.settings = grasp, loads, names, settings
-        self.bounds = settings
+        self.grasp, self.loads, self.clock, self.on_progress = grasp, loads, clock, on_progress
+        self.names = tuple(asked.actuators or grasp.sought_actuators)
+        self.settings, self.bounds, self.limits = asked.settings, asked.bounding or asked.settings, asked.limits
         self.tried: set[tuple[tuple[str, float], ...]] = set()
-        self.clock, self.on_progress = clock, on_progress
-        self.limits = NO_LIMITS
         self.nodes = 0
-        self.lower, self.most = 0.0, np.inf
+        self.lower, self.most = 0.0, np.inf if asked.command_limit is None else asked.command_limit
         self.bounding: tuple[str, TorquesAnswer] | None = None
         self.order = list(range(len(loads)))  # the load that failed last comes first
         self.best: tuple[dict[str, float], tuple[CheckAnswer, ...]] | None = None

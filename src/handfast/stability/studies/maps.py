@@ -20,10 +20,9 @@ from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.answers.batch_answer import BatchAnswer
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits, Terms
+from handfast.stability.problem.grasp_limits import Terms
 from handfast.stability.problem.scaled_problem import as_wrench
-from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.batch import OnItem, max_many
+from handfast.stability.studies.batch import BatchOptions, OnItem, max_many
 
 if TYPE_CHECKING:
     from handfast.stability.search.interval_search import ResistedInterval
@@ -229,11 +228,9 @@ def force_map(
     *,
     at: Sequence[float] | Array = (0.0, 0.0, 0.0),
     steps: int = 360,
-    limits: GraspLimits = NO_LIMITS,
     interval: bool = False,
-    settings: Settings | None = None,
-    jobs: int | None = None,
     on_progress: OnItem | None = None,
+    **options: Any,
 ) -> MapAnswer:
     """The largest resisted force in every direction of a plane: stability paper, Figs 6, 8 and 10.
 
@@ -243,13 +240,13 @@ def force_map(
             (f, at x f). With the centre of mass it is a map of weights, one for every way to hold the object.
         steps: number of directions, evenly spaced.
         interval: show which smaller forces are resisted, too, in every direction; it takes many times as long.
-        jobs: cores to use; by default all.
         on_progress: called with (done, total).
+        options: of `BatchOptions`, by name: `limits`, `settings`, `jobs`. No proof is replayed.
 
-    The other arguments and errors are those of `maximum`. Ctrl-C returns what was reached.
+    Ctrl-C returns what was reached.
 
     Raises:
-        InputError: also for an unknown plane, no directions, and a point that is not three finite numbers.
+        InputError: what `maximum` refuses; an unknown plane, no directions, a point that is not three finite numbers.
     """
     if plane not in PLANES:
         raise InputError(f"is '{plane}'; one of {', '.join(PLANES)} is needed", field="plane")
@@ -259,16 +256,10 @@ def force_map(
     directions = in_plane(plane, steps)
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
     wrenches = forces_at(point, directions)
-    for w in wrenches[:2]:  # they span the others: bad input's one line is raised here, not half way through
-        scaled_problem.build(grasps[0], np.zeros(6), w, limits=limits)
-    asked: dict[str, Any] = {
-        "limits": limits,
-        "settings": _unreplayed(settings),
-        "jobs": jobs,
-        "on_progress": on_progress,
-    }
+    # the first two span the others: bad input's one line is raised here, not half way through
+    asked = _asked(grasps[0], wrenches[:2], options)
     start = time.monotonic()
-    answers = max_many(grasps, wrenches, interval=interval, **asked)
+    answers = max_many(grasps, wrenches, interval=interval, on_progress=on_progress, **vars(asked))
     return MapAnswer(
         grasp=grasp,
         plane=plane,
@@ -278,13 +269,16 @@ def force_map(
         seconds=time.monotonic() - start,
         nodes=int(answers.nodes.sum()),
         at=point,
-        terms=Terms(limits, gap=asked["settings"].gap),
+        terms=Terms(asked.limits, gap=asked.settings.gap),
     )
 
 
-def _unreplayed(settings: Settings | None) -> Settings:
-    """Curves keep no proofs, and none is replayed."""
-    return replace(settings or Settings(), verify=False)
+def _asked(grasp: Grasp, directions: Array, options: dict[str, Any]) -> BatchOptions:
+    """The options of curves, which keep no proofs, so that none is replayed; refuses directions that cannot be."""
+    asked = BatchOptions(**options)
+    for w in directions:
+        scaled_problem.build(grasp, np.zeros(6), w, limits=asked.limits)
+    return replace(asked, settings=replace(asked.settings, verify=False))
 
 
 def in_plane(plane: Plane, steps: int) -> Array:
@@ -310,10 +304,8 @@ def sweep(
     values: Sequence[float] | Array,
     directions: Sequence[Sequence[float]] | Array,
     *,
-    limits: GraspLimits = NO_LIMITS,
-    settings: Settings | None = None,
-    jobs: int | None = None,
     on_progress: OnItem | None = None,
+    **options: Any,
 ) -> SweepAnswer:
     """The largest resisted disturbance while one command varies, the others as in the grasp: Fig. 12.
 
@@ -329,16 +321,9 @@ def sweep(
     d = np.array([as_wrench(row, "direction") for row in np.atleast_2d(np.asarray(directions, dtype=float))])
     x = np.asarray(values, dtype=float)
     grasps = [grasp.with_preload(grasp.preload | {actuator: float(value)}) for value in x]
-    for w in d:  # bad input's one line
-        scaled_problem.build(grasp, np.zeros(6), w, limits=limits)
-    asked: dict[str, Any] = {
-        "limits": limits,
-        "settings": _unreplayed(settings),
-        "jobs": jobs,
-        "on_progress": on_progress,
-    }
+    asked = _asked(grasp, d, options)
     start = time.monotonic()
-    answers = max_many(grasps, d, **asked)
+    answers = max_many(grasps, d, on_progress=on_progress, **vars(asked))
     return SweepAnswer(
         grasp=grasp,
         actuator=actuator,
@@ -347,5 +332,5 @@ def sweep(
         curves=tuple(Curve.of_rows(answers, (slice(None), k)) for k in range(len(d))),
         seconds=time.monotonic() - start,
         nodes=int(answers.nodes.sum()),
-        terms=Terms(limits, gap=asked["settings"].gap),
+        terms=Terms(asked.limits, gap=asked.settings.gap),
     )

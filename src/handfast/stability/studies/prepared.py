@@ -29,7 +29,7 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.studies import hold as holding
 from handfast.stability.studies import maps
-from handfast.stability.studies.batch import BatchOptions, Query, answer_rows, as_base, as_rows
+from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as_base, as_rows
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.maps import MapAnswer, Plane
 from handfast.stability.studies.row_kernel import RowKernel
@@ -129,7 +129,7 @@ class PreparedGrasp:
 
     def _rows(self, query: Query, wrenches: Any, field: str, *, base: Any = None, **options: Any) -> BatchAnswer:
         W = as_rows(wrenches, 1, field)
-        asked = BatchOptions(query, self.limits, settings=self.settings, **options).of_rows()
+        asked = RowQuestion(query=query, limits=self.limits, settings=self.settings, **options).of_rows()
         part = answer_rows(self.grasp, W[0], as_base(base, W)[0], asked, self._kernel)
         return BatchAnswer.of(query, W[0], [part], interval=asked.interval)
 
