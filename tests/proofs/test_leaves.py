@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import CLOSED, OPEN
+from handfast.proofs.cases import CLOSED, HALF, LOCKED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
+from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.kinds import Row
-from handfast.proofs.leaves import _compact, _inverse, _pivots
-from tests.support.proof_states import pinch
+from handfast.proofs.leaves import CitedRows, LeafSystems, _compact, _inverse, _pivots
+from handfast.proofs.question import LARGEST
+from handfast.proofs.rows import LeafRows, row_values, zeros
+from tests.support.proof_states import contact, pinch, question, unit
 
 
 def test_singular_matrices_do_not_keep_others_from_their_inverse():
@@ -55,3 +58,59 @@ def test_multipliers_that_are_taken_for_0_count_for_nothing() -> None:
     forged = Certificate(q, None, *nodes, np.array([0, 3, 6]), kind, zero, zero, zero, y)
     assert not verify(forged).ok
     assert "is not proved" in verify(forged).reason
+
+
+def systems(seed: int) -> LeafSystems:
+    """Leaves with any rows about one to three of four contacts, in which the others are open, or not."""
+    rng = np.random.default_rng(seed)
+    contacts = [contact(rng.normal(size=3), unit(rng)) for _ in range(4)]
+    joints = [
+        {"name": f"j{j}", "axis": unit(rng).tolist(), "origin": rng.normal(size=3).tolist(), "moves": [j]}
+        for j in range(3)
+    ]
+    q = question(
+        contacts, [0, 0, 1, 0, 0, 0], LARGEST, joints=joints, direction=[1, 0, 0, 0, 0, 0], preload={"j0": 1.0}
+    )
+    kinds = [k for k in Row if k <= Row.E_DOWN]
+    about, cases = [], np.zeros((40, q.grasp.m + q.actuators, 3), dtype=np.int64)
+    for leaf in range(len(cases)):
+        some = rng.permutation(4)[: rng.integers(1, 4)]
+        cases[leaf, :4, 0] = OPEN if rng.random() < 0.7 else CLOSED
+        cases[leaf, some, 0] = CLOSED
+        cases[leaf, 4:, 0] = LOCKED
+        about += [(leaf, rng.choice(kinds), rng.choice(some)) for _ in range(rng.integers(0, 9))]
+    leaf, kind, index = np.array(about, dtype=np.int64).T
+    index = np.where(kind >= Row.T_UP, index % q.actuators, index)
+    a, b = np.sort(rng.integers(0, HALF, size=(2, len(kind))), axis=0)
+    value, right = row_values(q, (1.0, 2.0), LeafRows(kind, index, a, b, leaf, np.zeros((0, 5))))
+    start = np.append(0, np.cumsum(np.bincount(leaf, minlength=len(cases))))
+    none, y = np.zeros(len(kind), dtype=bool), rng.uniform(0.1, 1.0, len(kind))
+    equations = equations_of(q)
+    side = RightSide.of(q, (1.0, 2.0), len(equations.E))
+    return LeafSystems(equations, side, CitedRows(value, right, none, y, start, zeros(q, cases), none, none), np.inf)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_ranks_that_are_known_without_elimination_are_none_too_low(seed):
+    found = systems(seed)
+    leaves = np.flatnonzero(found.alive.any(axis=1))
+    most = found._most_ranks(leaves)
+    motions = np.arange(found.equations.columns.n) < found.equations.columns.motions
+    exact = np.array([[found._rank(k, block) for block in (motions, ~motions)] for k in leaves])
+    assert (exact <= most).all()
+    alive = np.column_stack([(found.alive[leaves] & block).sum(axis=1) for block in (motions, ~motions)])
+    assert ((exact == most) & (most < alive)).any(axis=0).all()
+
+
+def test_efforts_are_put_in_from_the_balance_of_their_joint():
+    """What is left of rows and equations in all unknowns is the same with the multipliers of these equations."""
+    found = systems(3)
+    q, rows = found.equations, found.rows
+    solved, at = q.solved
+    assert len(solved) == 3
+    whole = (rows.value[:, : q.columns.n] + rows.value[:, q.columns.n :] @ q.Z) * q.scale / found.unit[:, None]
+    whole += found.put_in @ (q.E * q.scale / q.unit[:, None])[solved]
+    np.testing.assert_allclose(whole, found.F, atol=1e-14)
+    assert found.put_in.any(axis=0).all()
+    assert not found.F[:, at].any()
+    assert not found.E[solved].any()

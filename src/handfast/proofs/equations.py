@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpz, fmpz_mat
 
-from handfast.proofs.fields import Array, Mask, rationals
+from handfast.proofs.fields import Array, Integers, Mask, rationals
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, Range
 from handfast.proofs.rows import UNIT, Columns
@@ -60,14 +60,33 @@ class Equations:
         return 1.0 / out
 
     @cached_property
+    def solved(self) -> tuple[Integers, Integers]:
+        """(k,) each: rows of E, and unknowns that are in no other row, times 1 or -1.
+
+        These are efforts of actuators with a joint of their own: each is what (2) says, and may be put in for it.
+        """
+        f, at = self.E[:, self.columns.f], np.arange(self.columns.n)[self.columns.f]
+        alone = ((f != 0).sum(axis=0) == 1) & (np.abs(f).sum(axis=0) == 1)
+        rows, first = np.unique(np.abs(f[:, alone]).argmax(axis=0), return_index=True)
+        return rows, at[alone][first]
+
+    @cached_property
     def unit(self) -> Array:
         """(p,) powers of two: the rows of E, scaled, over these are of like size."""
         return power_near((self.E_size * self.scale).max(axis=1, initial=0.0))
 
     @cached_property
     def inverse(self) -> Array:
-        """(n, p) pseudo-inverse of the scaled E."""
-        return np.asarray(np.linalg.pinv(self.E * self.scale / self.unit[:, None], rcond=1e-12), dtype=np.float64)
+        """(n, p) pseudo-inverse of the scaled E without what is `solved`."""
+        E, (rows, columns) = self.E * self.scale / self.unit[:, None], self.solved
+        E[rows], E[:, columns] = 0.0, 0.0
+        return np.asarray(np.linalg.pinv(E, rcond=1e-12), dtype=np.float64)
+
+    @cached_property
+    def of_contacts(self) -> Integers:
+        """(3m + s,) rows of Z: motions at contacts, then the turning of soft fingers."""
+        m, s = self.grasp.m, len(self.grasp.soft)
+        return np.r_[: 3 * m, len(self.Z) - s : len(self.Z)]
 
     @cached_property
     def reached(self) -> Mask:
@@ -229,14 +248,14 @@ class RightSide:
     def costs(self, q: Equations, v: Array, change: Array, z: Array, z_change: Array) -> tuple[Array, Array]:
         """(L,) upper bounds on what slack and growth take, for multipliers that differ from these by change at most.
 
-        v: (L, p) of E x = h. z: (L, 3m+a+1+s) of motions, those of the contacts count.
+        v: (L, p) of E x = h. z: (L, 3m+s) of motions at contacts, then of turning.
         """
         size = np.abs(v @ q.about.T) + (change + 16 * UNIT * np.abs(v)) @ np.abs(q.about.T)
         m, soft = q.grasp.m, q.grasp.soft
         slips = np.zeros((len(z), m, 4))
         far = np.abs(z) + z_change
         slips[:, :, :3] = far[:, : 3 * m].reshape(-1, m, 3)
-        slips[:, soft, 3] = far[:, far.shape[1] - len(soft) :]
+        slips[:, soft, 3] = far[:, 3 * m :]
         slipped = np.sqrt((slips**2).sum(axis=2)).sum(axis=1)
         slack, growth = size @ self.slack + slipped * self.slip, size @ self.growth + slipped * self.slip_growth
         return slack * (1 + 1e-9), growth * (1 + 1e-9)

@@ -11,10 +11,15 @@ y as rounded numbers, and v follows from it by least squares. Multipliers w = (y
 - The rows that a leaf uses leave out one combination of them, w itself. So all but one of these rows, the *basis*, are
   as many as there are independent columns, and its multipliers follow from the one that is kept: a square system B.
   Where X is its inverse but for rounding, |B X - 1| < 1 shows that the solution exists and how near it is.
+- Efforts of actuators with a joint of their own are put in from that joint's equation (`Equations.solved`), which makes
+  systems smaller: the multiplier of the equation follows from those of the rows, exactly but for bounded rounding.
 - Columns depend on each other by structure: two fingertips that stick do not keep an object from turning about the line
-  through them. As many columns as the rank are kept; that the rank of all is no higher is shown in whole numbers, once
-  for each set of rows (`ExactRows.rank`), for motions and forces apart. Then what cancels in the kept columns cancels
-  in all.
+  through them. If all that a leaf uses has rank k at most (`LeafSystems._most_ranks`), any rows and columns of numbers
+  are put beside B, so that its rank k may be filled up to a whole square. That this has an inverse shows that the rank
+  is k; the multipliers of what was added to the rows are then 0, as the right side is a sum of rows that a leaf uses.
+- Where that is not known, as many columns as the rank are kept, and that the rank of all is no higher is shown in whole
+  numbers, once for each set of rows (`ExactRows.rank`), for motions and forces apart. Then what cancels in the kept
+  columns cancels in all.
 - Where columns depend on each other only but for rounding (points on a circle, parallel walls), what is left in those
   that are not kept is multiplied by a motion, or by a force of a contact, which is no larger than its motion. The
   margin then allows for motions up to a *cap* only, see `Equations.reach`.
@@ -29,13 +34,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from flint import fmpq, fmpq_mat
 
 from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
 from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, rational, rationals, rounded
+from handfast.proofs.grasp import GraspData
 from handfast.proofs.rows import UNIT
 
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
@@ -94,10 +100,12 @@ class LeafSystems:
     """Some leaves with scaled rows and unknowns.
 
     Attributes:
-        F, F_size: (R, n) rows, and sums of absolute values behind them. E: (p, n).
+        F: (R, n) rows, with efforts put in, see `Equations.solved`; put_in: (R, k) these equations in each row.
+        E: (p, n) the others.
         y, v: (R,), (L, p) multipliers of scaled rows.
         used, used_E: (R,), (L, p) bool: rows that count, and touch an unknown that is not 0.
         alive: (L, n) bool: unknowns that they touch.
+        more: (2, L) rows and columns of any numbers that a square system has besides.
     """
 
     def __init__(self, equations: Equations, side: RightSide, rows: CitedRows, until: float) -> None:
@@ -112,30 +120,40 @@ class LeafSystems:
         size = np.abs(self.F)
         self.F[:, motions] += d @ Z[:, motions]
         size[:, motions] += np.abs(d) @ Z_size[:, motions]
+        solved, at = q.solved
+        E, E_size = q.E * q.scale / q.unit[:, None], q.E_size * q.scale / q.unit[:, None]
+        self.put_in = -self.F[:, at] / E[solved, at]
+        self.F += self.put_in @ E[solved]
+        size += np.abs(self.put_in) @ E_size[solved]
+        for x in (self.F, size, E, E_size):
+            x[:, at] = 0.0
+        E[solved], E_size[solved] = 0.0, 0.0
         most = size.max(axis=1, initial=0.0)
         self.unit = power_near(most)
         self.F /= self.unit[:, None]
+        self.put_in /= self.unit[:, None]
         self.largest = most / self.unit
-        self.E = q.E * q.scale / q.unit[:, None]
-        self.E_largest = (q.E_size * q.scale).max(axis=1, initial=0.0) / q.unit
+        self.E, self.E_touches, self.E_largest = E, E_size > 0, E_size.max(axis=1, initial=0.0)
         self.y = rows.y * self.unit
         self.b, self.h = rows.right / self.unit, side.h / q.unit
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
         self.error = ROUNDED + 4 * terms * UNIT
 
-        self.touches, self.given = size > 0, self.y
+        self.touches, self.stated = size > 0, self.y
         self.rest = rest = self._summed(self.y[:, None] * self.F)
         v = -rest @ q.inverse
         alone = self.count == 0  # the equilibrium contradicts itself
-        v[alone] = self.h - (q.inverse.T @ (self.E.T @ self.h))
+        self.own_h = self.h.copy()
+        self.own_h[solved] = 0.0
+        v[alone] = self.own_h - (q.inverse.T @ (self.E.T @ self.own_h))
         self._use(v - (rest + v @ self.E) @ q.inverse)  # once more for what rounding left
 
     def _use(self, v: Array) -> None:
         """Take v (L, p) as the multipliers of equalities, and those that are not negligible as what is used."""
         closed, size = ~self.rows.zero, np.abs(v)
-        E_touches = (self.equations.E_size > 0).astype(float)
-        self.top = np.maximum(self._top(self.given), size.max(axis=1, initial=0.0))
-        self.y = np.where(self.given > NEGLIGIBLE * self.top[self.leaf], self.given, 0.0)
+        E_touches = self.E_touches.astype(float)
+        self.top = np.maximum(self._top(self.stated), size.max(axis=1, initial=0.0))
+        self.y = np.where(self.stated > NEGLIGIBLE * self.top[self.leaf], self.stated, 0.0)
         self.used = (self.y > 0) & (self.touches & closed[self.leaf]).any(axis=1)
         counts = size > NEGLIGIBLE * self.top[:, None]
         self.used_E, self.v = counts & (closed.astype(float) @ E_touches.T > 0), np.where(counts, v, 0.0)
@@ -151,7 +169,7 @@ class LeafSystems:
         rest = (self.rest[leaves] * ~self.rows.zero[leaves])[:, None]
         v[leaves] = -(rest @ inverse)[:, 0]
         alone = self.count[leaves] == 0
-        whole = self.h - ((self.h @ E)[:, None] @ inverse)[:, 0]
+        whole = self.own_h - ((self.own_h @ E)[:, None] @ inverse)[:, 0]
         v[leaves[alone]] = whole[alone]
         self._use(v)
 
@@ -178,23 +196,34 @@ class LeafSystems:
         self.left, self.hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
         many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
         self._leave_out_one()
-        ragged = (many - 1 != self.alive.sum(axis=1)) & self.alive.any(axis=1)
-        self._choose(np.flatnonzero(ragged), RANK)
+        alive = self.alive.sum(axis=1)
+        self.more = np.zeros((2, L), dtype=np.int64)
+        ragged = np.flatnonzero((many - 1 != alive) & (alive > 0))
+        rank = self._most_ranks(ragged).sum(axis=1)
+        known = rank < many[ragged]
+        self.more[:, ragged] = (alive[ragged] - rank) * known, (many[ragged] - 1 - rank) * known
+        self._choose(ragged[~known], RANK)
         squares = self._squares(np.arange(L))
         singular = np.concatenate([np.zeros(0, np.int64), *(x.leaves[~x.regular] for x in squares)])
         self._choose(singular, RANK)
         margins, caps = self._enclosed(squares + self._squares(singular))
+        self._again(np.flatnonzero(~(margins > 0) & self.more.any(axis=0)), RANK, margins, caps)
         self._exactly(margins, caps)
         for least in (RANK, *COARSE):  # columns that depend on each other to some digits
             failed = np.flatnonzero(~(margins > 0))
             if not len(failed):
                 break
             self._solve_again(failed, least)
-            self._choose(failed[self.alive[failed].any(axis=1)], least)
-            of_some = self._enclosed(self._squares(failed))
-            margins[failed], caps[failed] = of_some[0][failed], of_some[1][failed]
+            self._again(failed, least, margins, caps)
             self._exactly(margins, caps)
         return margins, np.where(margins > 0, caps, np.inf)
+
+    def _again(self, leaves: Integers, least: float, margins: Array, caps: Array) -> None:
+        """Put in margins and caps (L,) of leaves whose rows and columns are chosen by elimination."""
+        if len(leaves):
+            self._choose(leaves[self.alive[leaves].any(axis=1)], least)
+            of_some = self._enclosed(self._squares(leaves))
+            margins[leaves], caps[leaves] = of_some[0][leaves], of_some[1][leaves]
 
     def _exactly(self, margins: Array, caps: Array) -> None:
         """Put in what rational arithmetic shows, where the margins of leaves (L,) are none or their caps small."""
@@ -206,14 +235,14 @@ class LeafSystems:
 
     def _squares(self, leaves: Integers) -> list[Square]:
         """The square systems of leaves, without those that have none."""
-        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
+        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1) + self.more[0]
         side[~self.alive.any(axis=1)] = 0
-        self.hopeless[leaves] |= (side != self.columns.sum(axis=1))[leaves]
+        self.hopeless[leaves] |= (side != self.columns.sum(axis=1) + self.more[1])[leaves]
         solvable = leaves[~self.hopeless[leaves]]
         out = []
         for chosen in _groups(solvable, side):
             in_time(self.until)
-            out.append(Square(self, chosen, int(side[chosen].max(initial=0))))
+            out.append(Square(self, chosen, side[chosen]))
         return out
 
     def _leave_out_one(self) -> None:
@@ -250,13 +279,63 @@ class LeafSystems:
                 self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
                 self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
                 self.columns[leaf] = columns[k]
-                self.left[leaf] = False
+                self.left[leaf], self.more[:, leaf] = False, 0
                 self.hopeless[leaf] = self._drop(leaf, columns[k])
+
+    def _most_ranks(self, leaves: Integers) -> Integers:
+        """(C, 2) no less than the ranks of what leaves use in motions, and in the other unknowns.
+
+        By counting rows and columns, and by what is so of any points:
+
+        - If rows know the object's motion by two contacts alone, none of them knows its turning about the line through
+          both; if by one, none knows any turning about it.
+        - If there are no other forces than those of two contacts, or of one, the six wrench equations say nothing of
+          torques about these.
+        - Forces of contacts that only the wrench equations touch have rank 6 at most; those of two 5.
+        """
+        q, at, g = self.equations, self.equations.columns, self.equations.grasp
+        own = np.repeat(np.arange(len(leaves)), self.count[leaves])
+        place = np.arange(len(own)) - np.repeat(np.cumsum(self.count[leaves]) - self.count[leaves], self.count[leaves])
+        place += self.rows.start[leaves][own]
+        own, place = own[self.used[place]], place[self.used[place]]
+        values, touches = self.rows.value[place] != 0, self.touches[place]
+        alive, used_E = self.alive[leaves], self.used_E[leaves]
+
+        def of_leaf(rows: Mask) -> Integers:
+            """(C, ...) how many of the used rows."""
+            return (np.arange(len(leaves))[:, None] == own).astype(float) @ rows
+
+        def by_contact(columns: Mask) -> Mask:
+            return columns[:, 0::3] | columns[:, 1::3] | columns[:, 2::3]
+
+        by = of_leaf(by_contact(values[:, at.n : at.n + 3 * g.m])) > 0
+        turning = values[:, at.n + len(q.Z) - len(g.soft) :].any(axis=1) | values[:, at.r].any(axis=1)
+        turns = np.where(alive[:, at.r].all(axis=1) & (of_leaf(turning) == 0), _turns(g, by), 0)
+        pressed = by_contact(alive[:, at.c])
+        forces = np.zeros(at.n, dtype=bool)
+        forces[at.c] = True
+        other = (alive & self.E_touches[:6].any(axis=0) & ~forces).any(axis=1)
+        torques = np.where(used_E[:, :6].all(axis=1) & ~other, _turns(g, pressed), 0)
+        of_E = by_contact(used_E[:, 6:].astype(float) @ self.E_touches[6:, at.c] > 0)
+        bare = (pressed & ~of_E & (of_leaf(by_contact(touches[:, at.c])) == 0)).sum(axis=1)
+        lost = np.where(bare == 2, 1, np.maximum(3 * bare - 6, 0))
+        out, motions = [], np.arange(at.n) < at.motions
+        for block, fewer, fewer_rows in ((motions, turns, 0), (~motions, lost, torques)):
+            some = alive & block
+            rows = of_leaf((touches & some[own]).any(axis=1)) - fewer_rows
+            rows += (used_E & (some.astype(float) @ self.E_touches.T > 0)).sum(axis=1)
+            out.append(np.minimum(rows, some.sum(axis=1) - fewer))
+        return np.column_stack(out).astype(np.int64)
 
     def _drop(self, leaf: int, kept: Mask) -> bool:
         """See whether other columns depend on those kept exactly; if not, some may be left over, others not: True."""
         dropped, motions = self.alive[leaf] & ~kept, np.arange(len(kept)) < self.equations.columns.motions
-        blocks = [block for block in (motions, ~motions) if (dropped & block).any()]
+        most = self._most_ranks(np.array([leaf]))[0]
+        blocks = [
+            block
+            for of_block, block in zip(most, (motions, ~motions), strict=True)
+            if (dropped & block).any() and of_block > (kept & block).sum()
+        ]
         if all(self._rank(leaf, block) <= (kept & block).sum() for block in blocks):
             return False
         if self._rank(leaf, motions | True) <= kept.sum():
@@ -265,23 +344,25 @@ class LeafSystems:
         return bool((dropped & ~self.equations.reached).any())
 
     def _rank(self, leaf: int, block: Mask) -> int:
-        """Exactly, of the rows that a leaf uses, in some columns."""
+        """Exactly, of the rows that a leaf uses, in some columns, but for what is `Equations.solved`."""
         own, columns = slice(self.rows.start[leaf], self.rows.start[leaf + 1]), self.alive[leaf] & block
         touching = self.used[own] & (self.touches[own] & columns).any(axis=1)
+        equalities = self.used_E[leaf] & (self.E_touches & columns).any(axis=1)
+        solved, at = (x if block[-1] else x[:0] for x in self.equations.solved)
+        equalities[solved], columns[at] = True, True
         values = self.rows.value[own][touching].copy()
         values[:, : len(block)] *= columns
         values[:, len(block) :] *= block[0]
-        equalities = self.used_E[leaf] & ((self.equations.E_size > 0) & columns).any(axis=1)
-        return self.equations.exact.rank(values, equalities, columns)
+        return self.equations.exact.rank(values, equalities, columns) - len(solved)
 
-    def places(self, chosen: Integers, rows: Mask, equalities: Mask) -> tuple[Integers, Mask]:
+    def places(self, chosen: Integers, rows: Mask, equalities: Mask, width: int | None = None) -> tuple[Integers, Mask]:
         """(C, K) where in (F, E, 0) some rows (R,) and equalities (L, p) of leaves stand; and which are there."""
         R, p, counts = len(self.F), len(self.E), self.count[chosen]
         place = self.rows.start[chosen][:, None] + np.arange(int(counts.max(initial=0)))
         inside = place < self.rows.start[chosen + 1][:, None]
         there = np.concatenate([np.append(rows, False)[np.where(inside, place, R)], equalities[chosen]], axis=1)
         index = np.concatenate([place, np.broadcast_to(R + np.arange(p), (len(chosen), p))], axis=1)
-        out = _compact(there, index, int(there.sum(axis=1).max(initial=0)), R + p)
+        out = _compact(there, index, int(there.sum(axis=1).max(initial=0)) if width is None else width, R + p)
         return out, out < R + p
 
     # --- their solutions
@@ -312,11 +393,17 @@ class LeafSystems:
 
         good = (y >= change_y) | self.rows.either
         sound &= self._summed((~good).astype(np.int64)) == 0
-        unit = self.equations.unit
-        terms = self._summed(np.abs(y * self.b)) + np.abs(v) @ np.abs(self.h)
+        unit, solved, size = self.equations.unit, self.equations.solved[0], np.abs(v)
+        size_in = np.abs(self.put_in)
+        v[:, solved], size[:, solved] = (
+            self._summed(y[:, None] * self.put_in),
+            self._summed(np.abs(y)[:, None] * size_in),
+        )
+        change_v[:, solved] = self._summed(change_y[:, None] * size_in) + self.error * size[:, solved]
+        terms = self._summed(np.abs(y * self.b)) + size @ np.abs(self.h)
         value = self._summed(y * self.b) + v @ self.h - self.error * terms
         value -= (self._summed(change_y * np.abs(self.b)) + change_v @ np.abs(self.h)) * ABOVE
-        motions = self.rows.value[:, self.equations.columns.n :]
+        motions = self.rows.value[:, self.equations.columns.n :][:, self.equations.of_contacts]
         pairs = ((y, motions), (change_y + 16 * UNIT * np.abs(y) * self.count[self.leaf], np.abs(motions)))
         z = [self._summed((x / self.unit)[:, None] * each) for x, each in pairs]
         slack, grows = self.side.costs(self.equations, v / unit, change_v / unit, *z)
@@ -350,15 +437,17 @@ class Square:
             is an inverse.
     """
 
-    def __init__(self, systems: LeafSystems, leaves: Integers, side: int) -> None:
-        R, (p, n) = len(systems.F), systems.E.shape
+    def __init__(self, systems: LeafSystems, leaves: Integers, sides: Integers) -> None:
+        R, (p, n), side = len(systems.F), systems.E.shape, int(sides.max(initial=0))
         self.leaves = leaves
-        index, there = systems.places(leaves, systems.basis, systems.basis_E)
-        index, there = index[:, :side], there[:, :side]
+        index, there = systems.places(leaves, systems.basis, systems.basis_E, side)
         self.columns = _compact(systems.columns[leaves], np.arange(n), side, n)
         B = systems.every.take(index[:, :, None] * (n + 1) + self.columns[:, None, :])
-        diagonal = np.arange(B.shape[1])
-        B[:, diagonal, diagonal] += ~there
+        diagonal, some = np.arange(side), np.flatnonzero(systems.more[:, leaves].any(axis=0))
+        inside = diagonal < sides[some, None]
+        added = (~there[some][:, :, None] | (self.columns[some] == n)[:, None]) & inside[:, :, None] & inside[:, None]
+        B[some] += np.where(added, _any_numbers(side), 0.0)
+        B[:, diagonal, diagonal] += diagonal >= sides[:, None]
         end = R + len(systems.count) * p
         self.places = np.where(index < R, index, np.where(there, index + leaves[:, None] * p, end))
         self.X = X = _inverse(B)
@@ -366,7 +455,7 @@ class Square:
         off = B @ X
         off[:, diagonal, diagonal] -= 1.0
         off = np.abs(off)
-        largest = np.concatenate([systems.largest, systems.E_largest, [1.0]])[index]
+        largest = np.maximum(np.concatenate([systems.largest, systems.E_largest, [1.0]]), 1.0)[index]
         rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * ABOVE
         self._rows = (off.sum(axis=2) * ABOVE + rounding).max(axis=1, initial=0.0)
         self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
@@ -390,6 +479,20 @@ class Square:
         at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
         whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
         return np.where(self.regular[:, None], at_most + whole[:, None] * self._columns * ABOVE, 0.0), self.regular
+
+
+def _turns(g: GraspData, which: Mask) -> Integers:
+    """(L,) by how many turns all of some contacts (L, m) stay in place: 3 of one point, 1 of two that are apart."""
+    m, count = g.m, which.sum(axis=1)
+    ends = g.positions[which.argmax(axis=1)], g.positions[m - 1 - which[:, ::-1].argmax(axis=1)]
+    apart = (ends[0] != ends[1]).any(axis=1)
+    return np.where(count == 1, 3, np.where((count == 2) & apart, 1, 0))
+
+
+@lru_cache(maxsize=128)
+def _any_numbers(n: int) -> Array:
+    """(n, n) from -1 to 1, rows and columns that depend on nothing."""
+    return np.asarray(np.cos(np.arange(n * n).reshape(n, n) ** 2.0))
 
 
 def _groups(leaves: Integers, size: Integers) -> list[Integers]:
@@ -452,15 +555,18 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     s, q, exact = systems, systems.equations, systems.equations.exact
     own = np.arange(s.rows.start[leaf], s.rows.start[leaf + 1])
     own = own[s.y[own] > 0]  # those that touch no unknown but such as are 0 count by their right side
-    ties = np.flatnonzero(s.v[leaf])
+    solved, at = (x[(s.put_in[own] != 0).any(axis=0)] for x in q.solved)
+    basis_E, columns_, alive = s.basis_E[leaf].copy(), s.columns[leaf].copy(), s.alive[leaf].copy()
+    basis_E[solved], columns_[at], alive[at] = True, True, True
+    ties = np.flatnonzero((s.v[leaf] != 0) | basis_E)
     y, v = s.y[own] / s.unit[own], s.v[leaf, ties] / q.unit[ties]
     if not (np.isfinite(y).all() and np.isfinite(v).all()):
         return NONE
     rows = [*(exact.row(s.rows.value[k]) for k in own), *(exact.E[k] for k in ties)]
     table = [row for row, _ in rows]
     w = [rational(x) / factor for x, (_, factor) in zip([*y, *v], rows, strict=True)]  # of rows in whole numbers
-    basis = np.flatnonzero(np.concatenate([s.basis[own], s.basis_E[leaf, ties]])).tolist()
-    columns = np.flatnonzero(s.columns[leaf]).tolist()
+    basis = np.flatnonzero(np.concatenate([s.basis[own], basis_E[ties]])).tolist()
+    columns = np.flatnonzero(columns_).tolist()
     if len(basis) != len(columns):
         return NONE
     if basis:
@@ -476,7 +582,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     free = np.concatenate([s.rows.either[own], np.ones(len(ties), dtype=bool)])
     if any(x < 0 for x, any_sign in zip(w, free, strict=True) if not any_sign):
         return NONE
-    total = {i: dot(w, (fmpq(row.get(i, 0)) for row in table)) for i in np.flatnonzero(s.alive[leaf]).tolist()}
+    total = {i: dot(w, (fmpq(row.get(i, 0)) for row in table)) for i in np.flatnonzero(alive).tolist()}
     if any(x != 0 and not s.left[leaf, i] for i, x in total.items()):
         return NONE
 
@@ -488,7 +594,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
         return NONE
     multipliers = np.zeros((1, len(s.E)))
     multipliers[0, ties] = [rounded(x) for x in w[len(own) :]]
-    motions = s.rows.value[own, q.columns.n :]
+    motions = s.rows.value[own, q.columns.n :][:, q.of_contacts]
     of_motions = [[rounded(dot(w[: len(own)], map(rational, column))) for column in motions.T]]
     z = np.array(of_motions).reshape(1, motions.shape[1])
     slack, grows = s.side.costs(q, multipliers, np.zeros_like(multipliers), z, np.abs(z) * 1e-9)
@@ -500,7 +606,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     if not np.isfinite(cost):
         return NONE
     value = sum(terms, ZERO) - rational(cost)
-    left = np.zeros((1, len(s.alive[leaf])))
+    left = np.zeros((1, len(alive)))
     left[0, list(total)] = [rounded(x) for x in total.values()]
     weight = float(q.reach(left, np.abs(left) * 1e-9)[0])
     cap = max(rounded(value), 0.0) / (2 * weight) if weight > 0 else np.inf

@@ -10,6 +10,7 @@ command, so that (8) reads t >= 0, f >= |f_c| everywhere.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -59,6 +60,7 @@ class Columns:
         return self.q.stop
 
     @classmethod
+    @lru_cache(maxsize=16)
     def of(cls, q: Question) -> Columns:
         """The columns of a question."""
         a, efforts = q.actuators, q.actuators if q.goal == TORQUES and q.sums else 0
@@ -274,10 +276,10 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
         per_scalar, column = np.append(q.load.f_b, 0.0)[j], 0 * index + at.scalar.start
         put(-per_scalar, column, Row.E_UP)
         put(per_scalar, column, Row.E_DOWN)
-    constant = np.append(q.load.f_a, 0.0)[j]
-    lo, hi = (x[np.where((kind == Row.BOUND_UP) | (kind == Row.BOUND_DOWN), index, 0)] for x in bounds(q, scalar))
-    for k, of_row in ((Row.E_UP, constant), (Row.E_DOWN, -constant), (Row.BOUND_UP, lo), (Row.BOUND_DOWN, -hi)):
-        np.copyto(right, of_row, where=kind == k)
+    (lo, hi), f_c = bounds(q, scalar), q.load.f_a
+    for k, of_index in ((Row.E_UP, f_c), (Row.E_DOWN, -f_c), (Row.BOUND_UP, lo), (Row.BOUND_DOWN, -hi)):
+        here = order[ends[k] : ends[k + 1]]
+        right[here] = of_index[index[here]]
     _put_soft(q, rows, value)
     _put_energy(q, rows, value, right)
     return value, right
