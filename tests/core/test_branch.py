@@ -106,11 +106,7 @@ def roots(zeros, **more) -> Roots:
 
 
 def search(toy: Boxes, order: Order = Order.DEPTH, workers: int = 1) -> BranchAndPrune:
-    return BranchAndPrune(toy, [toy.root], order=order, key=middle, workers=workers)
-
-
-def middle(box) -> float:
-    return abs(float(sum(low + high for low, high in box)))
+    return BranchAndPrune(toy, [toy.root], order=order, workers=workers)
 
 
 def holds(box, point) -> bool:
@@ -225,7 +221,7 @@ def test_a_resumed_checkpoint_takes_the_same_steps(zeros, order, workers, stop):
     first = search(toy, order, workers)
     begun = trail(first, stop)
     text = json.dumps(first.save())
-    second = BranchAndPrune.restored(toy, json.loads(text), key=middle, workers=workers)
+    second = BranchAndPrune.restored(toy, json.loads(text), workers=workers)
     assert json.dumps(second.save()) == text
     assert begun + trail(second) == whole
     assert begun + trail(first) == whole  # the one that was stopped can go on as well
@@ -346,12 +342,10 @@ class Tree:
     [
         (Order.DEPTH, ["", "a", "aa", "ab", "b", "ba", "baa", "bab", "c"]),
         (Order.BREADTH, ["", "a", "b", "c", "ba", "aa", "ab", "baa", "bab"]),  # a single child is no deeper
-        (Order.BEST, ["", "c", "b", "a", "ba", "bab", "ab", "aa", "baa"]),
     ],
 )
 def test_orders(order, expected):
-    best = ["", "c", "b", "a", "ba", "bab", "ab", "aa", "baa"]  # the order if all were there from the start
-    run = BranchAndPrune(Tree(), [""], order=order, key=best.index)
+    run = BranchAndPrune(Tree(), [""], order=order)
     assert [state.region for state in run] == expected
     assert run.state.nodes == 5 * 10 + 4 * 2
     assert run.state.depth == 2  # "b" goes on as "ba"
@@ -360,12 +354,8 @@ def test_orders(order, expected):
 
 
 def test_misuse_is_refused():
-    with pytest.raises(ValueError, match="best first needs a key"):
-        BranchAndPrune(Tree(), [""], order=Order.BEST)
     with pytest.raises(ValueError, match="at least 1"):
         BranchAndPrune(Tree(), [""], workers=0)
-    with pytest.raises(ValueError, match="NaN"):
-        BranchAndPrune(Tree(), [""], order=Order.BEST, key=lambda name: float("nan"))
 
     class Wrong(Tree):
         def examine(self, name):
@@ -379,7 +369,7 @@ def test_misuse_is_refused():
     "change, message",
     [
         ({"schema": "handfast/search/2"}, "schema: input should be 'handfast/search/1'"),
-        ({"order": "random"}, "order: input should be 'depth', 'breadth' or 'best'"),
+        ({"order": "random"}, "order: input should be 'depth' or 'breadth'"),
         ({"queue": [[0, 0]]}, r"queue\[0\]\[2\]: is missing"),
         ({"queue": [[7, 0, "a"]]}, "queue: holds a serial number twice or out of 0 to 3"),
         ({"queue": [[1, 0, "a"], [1, 0, "b"]]}, "queue: holds a serial number twice"),

@@ -215,5 +215,5 @@ def test_bad_questions() -> None:
         settle(placed, slope(0.5), steps=0)
     with pytest.raises(InputError, match="nothing would happen"):
         settle(placed, [0, 0, 0], follow=True)
-    with pytest.raises(InputError, match="provenance: the grasp file does not say"):
+    with pytest.raises(InputError, match="provenance: hand and object are not known: the grasp file does not say"):
         GraspInScene.of(placed.grasp.about())

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -94,7 +94,6 @@ class Order(StrEnum):
 
     DEPTH = "depth"  # the first child of the latest one: quick to a first answer, little memory
     BREADTH = "breadth"  # the least deep: all answers at an even resolution
-    BEST = "best"  # the smallest key
 
 
 class Prefix(Sequence[R]):
@@ -183,7 +182,6 @@ class BranchAndPrune(Generic[R]):
         domain: what the regions are.
         roots: where solutions are looked for; they should not overlap.
         order: see `Order`.
-        key: of a region, for best first: smaller is sooner.
         workers: threads; twice as many regions are taken from the queue at a time, and their outcomes are
             taken in that order, so that a run can be repeated.
     """
@@ -194,15 +192,12 @@ class BranchAndPrune(Generic[R]):
         roots: Sequence[R],
         *,
         order: Order = Order.DEPTH,
-        key: Callable[[R], float] | None = None,
         workers: int = 1,
     ) -> None:
-        if order is Order.BEST and key is None:
-            raise ValueError("best first needs a key")
         if workers < 1:
             raise ValueError(f"workers is {workers}; at least 1 is needed")
-        self.domain, self.order, self.key, self.workers = domain, order, key, workers
-        self._queue: list[tuple[float, int, Node]] = []
+        self.domain, self.order, self.workers = domain, order, workers
+        self._queue: list[tuple[int, int, Node]] = []
         self._finals: list[R] = []
         self._unfinished: list[R] = []
         state: BranchState[R] = BranchState(
@@ -301,16 +296,7 @@ class BranchAndPrune(Generic[R]):
         return [Node(serial + k, depth, region) for k, region in enumerate(ordered)]
 
     def _push(self, node: Node) -> None:
-        rank: tuple[float, int]
-        if self.order is Order.DEPTH:
-            rank = (0.0, -node.serial)
-        elif self.order is Order.BREADTH:
-            rank = (node.depth, node.serial)
-        else:
-            assert self.key is not None
-            rank = (float(self.key(node.region)), node.serial)
-            if rank[0] != rank[0]:
-                raise ValueError("the key of a region is NaN")
+        rank = (0, -node.serial) if self.order is Order.DEPTH else (node.depth, node.serial)
         heapq.heappush(self._queue, (*rank, node))
 
     def _waiting(self) -> list[Node]:
@@ -336,9 +322,7 @@ class BranchAndPrune(Generic[R]):
         }
 
     @classmethod
-    def restored(
-        cls, domain: Domain[R], data: Any, *, key: Callable[[R], float] | None = None, workers: int = 1
-    ) -> BranchAndPrune[R]:
+    def restored(cls, domain: Domain[R], data: Any, *, workers: int = 1) -> BranchAndPrune[R]:
         """A saved search, ready to go on.
 
         Raises:
@@ -349,7 +333,7 @@ class BranchAndPrune(Generic[R]):
         if len(set(serials)) < len(serials) or not all(0 <= serial < saved.serial for serial in serials):
             problem = f"holds a serial number twice or out of 0 to {saved.serial - 1}"
             raise InputError(f"{problem}; each pending region has its own", field="queue")
-        search = cls(domain, (), order=saved.order, key=key, workers=workers)
+        search = cls(domain, (), order=saved.order, workers=workers)
         flight, queue = (
             [Node(serial, depth, domain.decode(region)) for serial, depth, region in part]
             for part in (saved.flight, saved.queue)

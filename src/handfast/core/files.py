@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import unicodedata
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -61,17 +62,37 @@ def write_text(path: str | Path, text: str, *, force: bool) -> None:
 
 def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
     """Write a whole file or nothing; raises `InputError` if it exists and `force` is not set."""
+    refuse_existing(path, force=force)
+    with whole_file(path) as part:
+        part.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(data)
+
+
+@contextmanager
+def whole_file(path: str | Path, *, durably: bool = False) -> Iterator[Path]:
+    """A file to fill, which takes the place of `path` if nothing is raised; `InputError` if it cannot be written.
+
+    Args:
+        durably: it is whole or not there at all also if the power fails.
+    """
     target = Path(path)
-    refuse_existing(target, force=force)
     part = target.with_name(target.name + ".part")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(data)
+        yield part
+        if durably:
+            with open(part, "rb+") as stream:
+                os.fsync(stream.fileno())
         part.replace(target)
+        if durably and hasattr(os, "O_DIRECTORY"):
+            folder = os.open(target.parent, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
     except OSError as error:
         with suppress(OSError):
             part.unlink()
-        raise InputError(f"cannot be written: {error.strerror}", source=str(path)) from None
+        raise InputError(f"cannot be written: {error.strerror or error}", source=str(path)) from None
 
 
 def refuse_existing(path: str | Path, *, force: bool) -> None:

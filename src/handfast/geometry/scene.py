@@ -15,7 +15,7 @@ from handfast.core.libraries import quiet
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix, rigid, transform
 from handfast.model.body import Body
 from handfast.model.grasp import UNIT_TOLERANCE
-from handfast.model.hand.anatomy import Anatomy
+from handfast.model.hand.anatomy import Anatomy, rigid_groups
 from handfast.model.hand.hand import Hand
 from handfast.model.shape import Shape
 
@@ -225,14 +225,12 @@ class Scene:
     def _meeting_links(self) -> list[tuple[int, int]]:
         """Link pairs that can meet: not in one rigid group, not parent and child group, not excluded by the hand."""
         links = self.hand.links
-        group: list[int] = []  # links that move as one share the index of the first
+        group = rigid_groups(self.hand)
         parent: list[int] = []  # of each group: the nearest group above it that has shapes
         for i, link in enumerate(links):
-            if link.parent >= 0 and not link.joints:
-                group.append(group[link.parent])
+            if group[i] != i:
                 parent.append(parent[link.parent])
             else:
-                group.append(i)
                 above = group[link.parent] if link.parent >= 0 else -1
                 while above >= 0 and not any(links[k].shapes for k in range(i) if group[k] == above):
                     above = parent[above]

@@ -217,23 +217,19 @@ def source_meshes(grasp: Grasp) -> tuple[list[Mesh], list[str]]:
 def moving_scene(grasp: Grasp) -> tuple[MovingScene | None, list[str]]:
     """The same for any displacement [rad, m] of joints by name; the object stays where it is. None if unknown."""
     from handfast.model.provenance import Provenance
-    from handfast.readers.configuration_file import load_configuration
-    from handfast.readers.load_body import load_body
-    from handfast.readers.load_hand import load_hand
+    from handfast.readers.configuration_file import load_parts
 
-    came = grasp.provenance or Provenance()
-    faults = came.faults()
-    if not faults and came.hand and came.object and came.configuration:
+    faults = (grasp.provenance or Provenance()).faults()
+    if not faults:
         try:
-            placed = load_configuration(came.configuration.path)
-            hand, q = placed.applied(load_hand(came.hand.path))
-            body = load_body(came.object.path, scale=came.object.scale)
-            faults = _off(grasp, hand, np.linalg.inv(placed.pose) @ hand.link_poses(q), body.pieces)
+            parts = load_parts(grasp)
+            hand, q, body, pose = parts.hand, parts.q, parts.body, parts.pose
+            faults = _off(grasp, hand, np.linalg.inv(pose) @ hand.link_poses(q), body.pieces)
             if not faults:
 
                 def at(moved: Mapping[str, float]) -> list[Mesh]:
                     more = np.array([moved.get(name, 0.0) for name in hand.joint_names])
-                    return scene_meshes(hand, q + more, body, placed.pose)
+                    return scene_meshes(hand, q + more, body, pose)
 
                 return at, []
         except InputError as fault:

@@ -1,14 +1,22 @@
-"""Configurations in files: `handfast/configuration/1`, and the worlds of other programs."""
+"""Configurations in files: `handfast/configuration/1`, the worlds of other programs, and those behind grasps."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from handfast.core import bundled
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import read_json, validate, write_text
+from handfast.model.body import Body
 from handfast.model.configuration import Configuration
+from handfast.model.grasp import Grasp
+from handfast.model.hand.hand import Hand
+from handfast.model.provenance import Provenance
 from handfast.readers import registry
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 
 
 def load_configuration(path: str | Path) -> Configuration:
@@ -47,3 +55,39 @@ def _seen_from(folder: Path, name: str | None) -> str | None:
 def save_configuration(configuration: Configuration, path: str | Path, *, force: bool = False) -> None:
     """Write a configuration file; `InputError` if it exists, unless `force`, or cannot be written."""
     write_text(path, configuration.dumped(), force=force)
+
+
+@dataclass(frozen=True, eq=False)
+class GraspParts:
+    """Hand and object behind a grasp, and where they are.
+
+    Attributes:
+        q: (l,) joints of the hand [rad, m]. pose: (4, 4) of the object in the hand's base frame.
+        files: the hand's and the object's.
+    """
+
+    hand: Hand
+    q: Array
+    body: Body
+    pose: Array
+    files: tuple[str, str]
+
+
+def load_parts(grasp: Grasp, right: str = "") -> GraspParts:
+    """Hand, object and configuration as the grasp's provenance names them.
+
+    Args:
+        right: what would be right, for the message.
+
+    Raises:
+        InputError: it names none, they are gone or have changed, or cannot be read.
+    """
+    came = grasp.provenance or Provenance()
+    faults = came.faults()
+    if faults or not (came.hand and came.object and came.configuration):
+        problem = f"hand and object are not known: {'; '.join(faults)}{right and f'; {right}'}"
+        raise InputError(problem, source=grasp.name, field="provenance")
+    placed = load_configuration(came.configuration.path)
+    hand, q = placed.applied(load_hand(came.hand.path))
+    body = load_body(came.object.path, scale=came.object.scale)
+    return GraspParts(hand, q, body, placed.pose, (came.hand.path, came.object.path))

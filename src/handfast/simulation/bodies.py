@@ -17,7 +17,6 @@ from handfast.geometry.scene import add_solid
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand import Hand
-from handfast.model.provenance import Provenance
 from handfast.model.shape import Shape
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import Twin, add_jointed, add_object, add_pair, assembled, engine_spec, free_joints
@@ -60,23 +59,15 @@ def bodies_of(grasp: Grasp) -> Bodies:
         InputError: a file that is missing or has changed; a contact on a link that the hand does not have, or on
             none; soft fingers.
     """
-    from handfast.readers.configuration_file import load_configuration
-    from handfast.readers.load_body import load_body
-    from handfast.readers.load_hand import load_hand
+    from handfast.readers.configuration_file import load_parts
 
     grasp.refuse_soft_fingers("the simulation of bodies")
-    came = grasp.provenance or Provenance()
-    faults = came.faults()
-    if faults or not (came.hand and came.object and came.configuration):
-        raise InputError(f"hand and object are not known: {'; '.join(faults)}", source=grasp.name, field="provenance")
-    placed = load_configuration(came.configuration.path)
-    hand, q = placed.applied(load_hand(came.hand.path))
-    body = load_body(came.object.path, scale=came.object.scale)
-    strangers = sorted({str(c.link) for c in grasp.contacts} - set(hand.link_names))
+    parts = load_parts(grasp)
+    strangers = sorted({str(c.link) for c in grasp.contacts} - set(parts.hand.link_names))
     if strangers:
-        problem = f"are on '{', '.join(strangers)}', which {hand.name} has not"
+        problem = f"are on '{', '.join(strangers)}', which {parts.hand.name} has not"
         raise InputError(problem, source=grasp.name, field="contacts")
-    return Bodies.of(hand, q, body, placed.pose)
+    return Bodies.of(parts.hand, parts.q, parts.body, parts.pose)
 
 
 def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, stiffness: float) -> Twin:

@@ -18,10 +18,7 @@ from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
-from handfast.model.provenance import Provenance
-from handfast.readers.configuration_file import load_configuration
-from handfast.readers.load_body import load_body
-from handfast.readers.load_hand import load_hand
+from handfast.readers.configuration_file import load_parts
 from handfast.simulation.hand_drive import (
     MotorDrive,
     backdrivable_motors,
@@ -71,16 +68,9 @@ class GraspInScene:
         Raises:
             InputError: it names none, they are gone or have changed, or cannot be read.
         """
-        came = grasp.provenance or Provenance()
-        faults = came.faults()
-        if faults or not (came.hand and came.object and came.configuration):
-            right = "settle needs the shapes of hand and object; make the grasp with contacts, close or plan"
-            raise InputError(f"{'; '.join(faults)}: {right}", source=grasp.name, field="provenance")
-        placed = load_configuration(came.configuration.path)
-        hand, q = placed.applied(load_hand(came.hand.path))
-        hand = with_laws_of(hand, grasp, q, placed.pose)
-        body = load_body(came.object.path, scale=came.object.scale)
-        return cls(grasp, Scene(hand, body), q, placed.pose, (came.hand.path, came.object.path))
+        parts = load_parts(grasp, "settle needs their shapes; make the grasp with contacts, close or plan")
+        hand = with_laws_of(parts.hand, grasp, parts.q, parts.pose)
+        return cls(grasp, Scene(hand, parts.body), parts.q, parts.pose, parts.files)
 
     @property
     def hand(self) -> Hand:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
-from handfast.core.files import read_json
+from handfast.core.files import read_json, whole_file
 from handfast.datasets.labels.label_columns import COLUMNS, NAMES
 
 GROUP = 20_000  # rows of a table that are in memory at a time
@@ -118,17 +116,11 @@ class ParquetFormat(LabelFormat):
 
     def write(self, path: Path, parts: Iterable[Path], about: Mapping[str, Any]) -> None:
         schema = self._schema(about)
-        target = path.with_name(path.name + ".part")
-        try:
-            self._put_together(target, parts, schema)
-            _take_place(target, path)
-        except OSError as fault:
-            with suppress(OSError):
-                target.unlink()
-            raise InputError(f"cannot be written: {fault.strerror or fault}", source=str(path)) from None
-
-    def _put_together(self, target: Path, parts: Iterable[Path], schema: Any) -> None:
-        with open(target, "wb") as stream, self.parquet.ParquetWriter(stream, schema, compression="zstd") as writer:
+        with (
+            whole_file(path, durably=True) as target,
+            open(target, "wb") as stream,
+            self.parquet.ParquetWriter(stream, schema, compression="zstd") as writer,
+        ):
             held, rows = [], 0
             for part in parts:
                 held.append(self.parquet.read_table(part, partitioning=None))
@@ -183,26 +175,5 @@ def load_labels(path: str | Path) -> Iterator[dict[str, Any]]:
 
 def write_durably(path: Path, blocks: Iterable[bytes]) -> None:
     """A whole file or none, also if the power fails: written beside its place, synced, and renamed."""
-    target = path.with_name(path.name + ".part")
-    try:
-        with open(target, "wb") as stream:
-            for block in blocks:
-                stream.write(block)
-        _take_place(target, path)
-    except OSError as fault:
-        with suppress(OSError):
-            target.unlink()
-        raise InputError(f"cannot be written: {fault.strerror}", source=str(path)) from None
-
-
-def _take_place(target: Path, path: Path) -> None:
-    """Sync a file, give it its name, and sync that."""
-    with open(target, "rb+") as stream:
-        os.fsync(stream.fileno())
-    target.replace(path)
-    if hasattr(os, "O_DIRECTORY"):
-        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+    with whole_file(path, durably=True) as target, open(target, "wb") as stream:
+        stream.writelines(blocks)

@@ -18,16 +18,11 @@ from handfast.core.errors import InputError
 from handfast.core.files import refuse_existing, write_text
 from handfast.core.transforms import matrix_quaternion, transform
 from handfast.geometry.scene import add_solid
-from handfast.model.body import Body
 from handfast.model.grasp import Grasp
-from handfast.model.hand.hand import Hand
-from handfast.model.provenance import Provenance
 from handfast.model.servo import servo_commands
 from handfast.model.shape import Shape
-from handfast.readers.configuration_file import load_configuration
+from handfast.readers.configuration_file import GraspParts, load_parts
 from handfast.readers.grasp_file import load_grasp
-from handfast.readers.load_body import load_body
-from handfast.readers.load_hand import load_hand
 
 STEP = 1e-3  # [s]
 CREEP_RATIO = 100.0  # mujoco lets what sticks creep: less with a larger one
@@ -81,16 +76,10 @@ def scene_text(grasp: Grasp) -> str:
         raise InputError(
             "is missing; what is lifted needs one: plan or import with --mass", source=grasp.name, field="mass"
         )
-    came = grasp.provenance or Provenance()
-    faults = came.faults()
-    if faults or not (came.hand and came.object and came.configuration):
-        raise InputError(f"hand and object are not known: {'; '.join(faults)}", source=grasp.name, field="provenance")
-    placed = load_configuration(came.configuration.path)
-    hand, q = placed.applied(load_hand(came.hand.path))
-    if hand.loops:
-        raise InputError("has a linkage with loops, which the scene cannot have", source=hand.name)
-    body = load_body(came.object.path, scale=came.object.scale)
-    return str(_Scene(hand, q, body, placed.pose, grasp).spec().to_xml())
+    parts = load_parts(grasp)
+    if parts.hand.loops:
+        raise InputError("has a linkage with loops, which the scene cannot have", source=parts.hand.name)
+    return str(_Scene(parts, grasp).spec().to_xml())
 
 
 def standing(vertices: Array, center: Array) -> Array:
@@ -113,14 +102,15 @@ def standing(vertices: Array, center: Array) -> Array:
 class _Scene:
     """One scene in the making."""
 
-    def __init__(self, hand: Hand, q: Array, body: Body, pose: Array, grasp: Grasp) -> None:
-        self.hand, self.q, self.body, self.grasp = hand, q, body, grasp
+    def __init__(self, parts: GraspParts, grasp: Grasp) -> None:
+        self.hand, self.q, self.grasp = parts.hand, parts.q, grasp
+        self.body = body = parts.body
         self.mu = float(grasp.mu.min())
         self.center = body.center_of_mass if grasp.center_of_mass is None else grasp.center_of_mass
         R = standing(body.vertices, self.center)
         self.at = transform([0.0, 0.0, -float((body.vertices @ R[2]).min())], R)  # (4, 4) of the object
-        self.base = self.at @ np.linalg.inv(pose)
-        self.pressing = {n: f for n, f in grasp.preload.items() if f and n in hand.mechanism.actuators}
+        self.base = self.at @ np.linalg.inv(parts.pose)
+        self.pressing = {n: f for n, f in grasp.preload.items() if f and n in self.hand.mechanism.actuators}
 
     def spec(self) -> Any:
         """The model, not compiled."""

@@ -52,7 +52,7 @@ class Anatomy:
     @classmethod
     def of(cls, hand: Hand) -> Anatomy:
         """From links and joints alone."""
-        group = _rigid_groups(hand)
+        group = rigid_groups(hand)
         solid = [i for i, link in enumerate(hand.links) if link.shapes]
         inner = {group[k] for i in solid for k in above(hand, i) if group[k] != group[i]}
         below = {k for i in solid for k in above(hand, i)}
@@ -231,7 +231,7 @@ def _palm(hand: Hand, group: list[int], tips: list[int], wrist: tuple[int, ...])
     return ()
 
 
-def _rigid_groups(hand: Hand) -> list[int]:
+def rigid_groups(hand: Hand) -> list[int]:
     """For each link the first of those that move as one with it."""
     group: list[int] = []
     for i, link in enumerate(hand.links):
