@@ -242,6 +242,21 @@ def test_magnitudes() -> None:
             "is needed where the goal is 'smallest preload'",
         ),
         ({"goal": LARGEST, "direction": [1]}, "direction", "has 1 numbers; 6 are needed"),
+        (
+            {"goal": LARGEST, "direction": NONE},
+            "direction",
+            "is zero: nothing is asked; a force, a torque or both are needed",
+        ),
+        (
+            {"goal": LARGEST, "direction": NONE, "wrench": NONE},
+            "direction",
+            "is zero: nothing is asked; a force, a torque or both are needed",
+        ),
+        (
+            {"goal": SMALLEST_PRELOAD, "direction": [-0.0] * 6, "wrench": NONE},
+            "direction",
+            "is zero: nothing is asked; a force, a torque or both are needed",
+        ),
         ({"eta": -0.1}, "eta", "is -0.1; 0 or more is needed"),
         ({"mdp": 1}, "mdp", "is 1; true or false is needed"),
         ({"torque_limits": [1]}, "torque_limits", "is no object of numbers by name"),

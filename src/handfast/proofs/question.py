@@ -180,6 +180,8 @@ def read_question(data: Any, place: str) -> Question:
     if (direction is not None) != (goal in (SMALLEST_PRELOAD, LARGEST)):
         need = "is needed" if direction is None else "has no meaning"
         raise BadFile(f"{need} where the goal is '{goal}'", f.at("direction"))
+    if direction is not None and not direction.any():
+        raise BadFile("is zero: nothing is asked; a force, a torque or both are needed", f.at("direction"))
     eta, mdp = f.number("eta", 0.0, least=0.0), f.flag("mdp", True)
     if not eta < MAX_ETA or (eta > 0 and (not mdp or len(g.soft))):
         right = f"0 to {MAX_ETA:.4f} is possible, above 0 with the dissipation principle and point contacts alone"
