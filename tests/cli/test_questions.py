@@ -12,7 +12,7 @@ from tests.support.program import ask, run
 
 QUICK = ["--gap", "0.02"]
 COMMON = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
-PROOF = {"certified", "verified", "motion_cap", "exact"}
+PROOF = {"certified", "verified", "motion_cap", "exact", "motion"}
 
 
 def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:

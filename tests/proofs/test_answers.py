@@ -12,11 +12,15 @@ import numpy as np
 import pytest
 
 from handfast.core.answer import Verdict
-from handfast.proofs import answers
+from handfast.proofs import answers, checker
+from handfast.proofs.certificate import Certificate, proof_to_dict
+from handfast.proofs.existence import prove
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
+from handfast.proofs.kinds import TURN, Row
 from handfast.proofs.replay import Replay
-from handfast.proofs.tolerance import TOO_SMALL
+from handfast.proofs.states import Problem
+from handfast.proofs.tolerance import TOO_SMALL, motion_size
 from handfast.stability.answers import check, maximum, torques
 from tests.support.problems import bell, nest, pinch
 from tests.support.refused import refused
@@ -140,7 +144,10 @@ def test_larger_commands_are_not_the_least(shown: str) -> None:
     held = check(bell().with_commands(preload), w(0, 1, 0)).to_file()
     assert held["answer"]["verdict"] == "holds"
     data["witness"] = held["witness"]
-    data["answer"] |= {name: held["answer"][name] for name in ("exact",)} | {"upper": upper, "preload": preload}
+    data["answer"] |= {name: held["answer"][name] for name in ("exact", "motion")} | {
+        "upper": upper,
+        "preload": preload,
+    }
     assert verify(data).ok  # its lower bound is the true one still
     data["answer"]["lower"] *= more
     if shown == "by nothing":
@@ -178,7 +185,7 @@ def test_a_force_that_is_held_does_not_slip() -> None:
     """The table slips at 4 N; it is said that it slips at any."""
     data = saved("max")
     data["answer"] |= {"verdict": "slips", "lower": 0.0, "upper": 0.0, "gap": 0.0} | {"attained": True, "limit": None}
-    data["answer"] |= {"exact": None}
+    data["answer"] |= {"exact": None, "motion": None}
     data["witness"] = None
     assert re.match("certificate: it covers .* to 0.4495.*; the answer needs .* to inf", reason(data))
     data["certificate"]["scalar"] = [data["certificate"]["scalar"][0], None]
@@ -190,7 +197,7 @@ def test_a_force_that_is_held_does_not_slip() -> None:
 
 def test_commands_that_suffice_are_some() -> None:
     data = saved("torques")
-    data["answer"] |= {"verdict": "slips", "lower": None, "upper": None, "preload": None, "exact": None}
+    data["answer"] |= {"verdict": "slips", "lower": None, "upper": None, "preload": None, "exact": None, "motion": None}
     data["witness"] = None
     assert re.match("certificate: it covers 0 to 0.0449.* the answer needs 0 to inf", reason(data))
     data["certificate"]["scalar"] = [0.0, None]
@@ -239,6 +246,62 @@ def test_a_capped_bound_is_far_above_the_forces_in_play() -> None:
     q = answers.read_answer(data).question
     assert answers.cap_fault(q, 1e9, data["answer"]["upper"], None) == ""
     assert re.match("it is proved for motions up to 1 N only", answers.cap_fault(q, 1.0, data["answer"]["upper"], None))
+
+
+@pytest.mark.parametrize("tilt", [10.0**-k for k in range(4, 14)])
+def test_a_slip_up_to_a_cap_and_a_hold_beyond_it_name_their_motions(tilt: float) -> None:
+    """A wedge of two contacts without friction carries 1 N with forces of 1 / (2 tilt), pressed in by 1 / (2 tilt^2).
+
+    That tilt counts as rounding in a proof, which then goes up to a cap. Both are proved, and say of which motions.
+    """
+    contacts = [{"position": [-0.05 * s, 0, 0], "normal": [s, tilt, 0], "friction": 0.0} for s in (1, -1)]
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts}
+    held, wrench = saved("check holds"), [0, -1, 0, 0, 0, 0]
+    held["question"] = {"grasp": grasp, "goal": "check", "wrench": wrench}
+    pressed = {"r": [0, -0.5 / tilt**2, 0, 0, 0, 0], "c": [0.5 / tilt, 0, 0] * 2}
+    held["witness"] |= {"wrench": wrench, "command": {}, "q": [], "f": [], "coupling": []} | pressed
+    q, state = answers.read_answer(held).question, answers.read_answer(held).witness.state
+    proved = prove(Problem.of(q, q.grasp.command, q.wrench), state)
+    held["answer"] |= {"exact": True, "motion": proved.motion} | answers.described(q.grasp, state, proved)
+    assert verify(held).ok
+    assert held["answer"]["motion"] == pytest.approx(0.5 / tilt**2, rel=1e-6)
+    claim = verify(held).part("witness").claim
+    assert claim == f"the disturbance is resisted, with virtual motions of {held['answer']['motion']:.6g} N"
+
+    zero = np.zeros(1, np.int64)
+    rows = (np.full(2, int(Row.TANGENT)), np.arange(2), np.array([TURN // 2, 0]), np.zeros(2, np.int64))
+    forged = Certificate(q, None, zero - 1, zero, zero, zero, zero, np.array([0, 2]), *rows, np.ones(2))
+    slips = held | {"witness": None, "certificate": proof_to_dict(forged)}
+    cap = checker.verify(forged).cap
+    slips["answer"] = held["answer"] | dict.fromkeys(answers.NOTHING) | {"verdict": "slips", "certified": True}
+    slips["answer"] |= {"exact": None, "motion": None, "motion_cap": cap}
+    if tilt < 1e-5:  # else the cap is not far above the forces in play
+        assert verify(slips).ok
+        assert verify(slips).part("certificate").claim.endswith(f"up to virtual motions of {cap:.6g} N")
+    assert cap < held["answer"]["motion"]
+
+
+def test_the_measure_of_motions() -> None:
+    """At the contacts' centroid, turns by the farthest contact, hinges likewise; what may be off adds up."""
+    q = answers.read_answer(saved("check holds")).question
+    g = q.grasp
+    at = np.zeros(6 + g.l)
+    for r, size in (([3, 4, 0, 0, 0, 0], 5.0), ([0, 0, 0, 0, 0, 2], 2 * g.size)):
+        x, y, z = r[3:]
+        back = np.cross([x, y, z], g.centroid)
+        at[:6] = np.r_[np.array(r[:3], dtype=float) - back, r[3:]]
+        assert motion_size(g, at) == pytest.approx(size, rel=1e-9)
+        assert motion_size(g, at) >= size * (1 - 1e-15)
+        assert motion_size(g, np.stack([0 * at, at])) == motion_size(g, at)
+    joint = at * 0
+    joint[6] = -7.0
+    assert motion_size(g, joint) == pytest.approx(7 * g.joint_units[0])
+    off = np.zeros(6 + g.l)
+    off[:3], off[6] = [0, 0.3, 0.4], 1.0
+    assert motion_size(g, joint, off) == pytest.approx(max(8 * g.joint_units[0], 0.5))
+    assert motion_size(g, 0 * at, off) == pytest.approx(max(0.5, g.joint_units[0]))
+    off = np.r_[np.zeros(5), 1.0, np.zeros(g.l)]
+    assert motion_size(g, 0 * at, off) == pytest.approx(max(g.size, np.linalg.norm(g.centroid)))
 
 
 # --- smaller magnitudes --------------------------------------------------------------------------------

@@ -78,6 +78,8 @@ def drawn(
     g = read_grasp(grasp, "grasp")
 
     kinds = tuple(rng.choice(KINDS) for _ in range(m))
+    if goal == SMALLEST_PRELOAD and set(kinds) == {"open"}:  # no load at all is no direction
+        kinds = ("slide", *kinds[1:])
     r, d, turning = rng.normal(size=6), np.zeros((m, 3)), np.zeros(m * soft)
     c, twist = np.zeros((m, 3)), np.zeros(m * soft)
     for i, kind in enumerate(kinds):

@@ -183,8 +183,13 @@ def reason(answer: Answer, settings: Settings) -> str:
 
 def work(answer: Answer) -> str:
     """How an answer was found, and what proves it."""
-    found = f"{count(answer.nodes, 'node')}, {num(answer.seconds, 2)} s"
-    return f"{found}; {certified(answer.certificate, answer.verified)}" if answer.certificate else found
+    parts = [f"{count(answer.nodes, 'node')}, {num(answer.seconds, 2)} s"]
+    if answer.motion is not None:
+        state = "an exact state" if answer.exact else "a state to 1e-9 of the load"
+        parts.append(f"{state}, with virtual motions of {num(answer.motion)} N")
+    if answer.certificate:
+        parts.append(certified(answer.certificate, answer.verified))
+    return "; ".join(parts)
 
 
 def certified(certificate: Certificate, verified: bool) -> str:

@@ -5,7 +5,8 @@ SLIPS or a bound (the *certificate*); of a maximum also arcs of states and certi
 of the answer is worked out again from these, but for `COURSE`, and none is there that its query does not have.
 
 HOLDS and SLIPS exclude each other: HOLDS is an exact state of the numbers in the file, or, where the answer says so,
-one for a load and joint torques that differ by 1e-9 of the load; SLIPS says that there is neither.
+one for a load and joint torques that differ by 1e-9 of the load; SLIPS says that there is neither. A SLIPS up to a
+`motion_cap` says so of states that move by no more: a HOLDS of the same question has a `motion` that is larger.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ import numpy as np
 
 from handfast.proofs import checker, ranges
 from handfast.proofs.certificate import Certificate, read_certificate
-from handfast.proofs.existence import Proved, prove
+from handfast.proofs.existence import NEAR, Proved, prove
 from handfast.proofs.fields import SAME, Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Contact, Problem, State, read_state
-from handfast.proofs.tolerance import FAR, drives, farthest, load_scale
+from handfast.proofs.tolerance import FAR, drives, farthest, load_scale, motion_size
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
@@ -146,8 +147,9 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     found = prove(Problem.of(q, command, base, along, magnitude), w.state, least=query.least(saved))
     reason = "" if found.exact or found.tolerant else found.reason
     reason = reason or query.held_fault(saved, w, found)
+    claim += f", with virtual motions of {found.motion:.6g} N" if not reason else ""
     to = "" if found.exact else ", to 1e-9 of the load"
-    figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius}
+    figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius, "motion": found.motion}
     return found, Replay("witness", claim + to, reason, figures)
 
 
@@ -172,24 +174,19 @@ def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float 
     if found.cap is not None and not reason:
         claim += f", up to virtual motions of {found.cap:.6g} N"
         if saved.said["stop"] == "complete" or saved.said["verdict"] == "slips":
-            reason = cap_fault(q, found.cap, magnitude, saved.witness.state if saved.witness else None)
+            reason = cap_fault(q, found.cap, magnitude, saved.witness.state.motion if saved.witness else None)
     figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
     return [Replay("certificate", claim, reason, figures)], found.cap
 
 
-def largest_motion(g: GraspData, x: State) -> float:
-    """[N] at unit stiffness: the largest motion at any contact, of the object or against the finger."""
-    both = g.G.T @ x.r, g.rows[0][: 3 * g.m] @ x.motion
-    return float(max(np.linalg.norm(motion.reshape(-1, 3), axis=1).max() for motion in both))
-
-
-def cap_fault(q: Question, cap: float, magnitude: float, witness: State | None) -> str:
+def cap_fault(q: Question, cap: float, magnitude: float, motion: Array | None) -> str:
     """Why a bound that is proved for motions inside a cap [N] does not count as complete; "" if it does.
 
-    The cap has to be far above every force in play at the bound, and beyond what the answer's own witness moves by.
+    The cap has to be far above every force in play at the bound, and beyond motion (6 + l,), what the answer's own
+    witness moves by.
     """
     most = max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q))
-    moved = 0.0 if witness is None else largest_motion(q.grasp, witness)
+    moved = 0.0 if motion is None else motion_size(q.grasp, motion)
     said = f"it is proved for motions up to {cap:.3g} N only, "
     if cap < FAR * most:
         return f"{said}not {FAR:g} times the forces in play, {most:.3g} N"
@@ -201,7 +198,7 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
     said = saved.said
     shown: dict[str, Any] = {key: said[key] for key in ("schema", "query", "verdict")}
     shown |= {"certified": saved.certificate is not None, "motion_cap": cap}
-    shown |= {"exact": None if proved is None else proved.exact}
+    shown |= {"exact": None if proved is None else proved.exact, "motion": None if proved is None else proved.motion}
     shown |= query.shown(saved, proved)
     for key in said:
         if key not in shown and key not in COURSE:
@@ -210,7 +207,8 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
         if key not in said:
             raise Refused(f"{key} is missing")
         numbers = isinstance(said[key], float) and isinstance(value, float)
-        rounds = key == "residual" and numbers and abs(said[key] - value) <= ROUNDING
+        within = {"residual": ROUNDING, "motion": NEAR * value}.get(key, 0.0) if numbers else 0.0
+        rounds = numbers and abs(said[key] - value) <= within
         if not rounds and not matches(said[key], value):
             raise Refused(f"{key} is not what the rest of the file shows")
 

@@ -94,9 +94,9 @@ class Balls:
         if k:
             x = self._contained(x, k)
         d, phi, magnitude, *_ = self.at(x)
-        held, ((mid, off), forces) = s.rows.held, (_floats(y) for y in (d, phi))
+        held, (motion, (mid, off), forces) = s.rows.held, (_floats(y) for y in (x[: len(s.v)], d, phi))
         (shift,), (shift_off,) = _floats([magnitude])
-        return Box(np.where(held, 0.0, mid), np.where(held, 0.0, off), *forces, shift, shift_off)
+        return Box(*motion, np.where(held, 0.0, mid), np.where(held, 0.0, off), *forces, shift, shift_off)
 
     def _contained(self, x: list[arb], k: int) -> list[arb]:
         """Balls about x that Newton's test keeps. Raises `NotShown`."""

@@ -113,8 +113,7 @@ class Equations:
     def reach(self, rest: Array, off: Array) -> Array:
         """(L,) upper bounds on |rho x| over all x whose motions are 1 N at most, for all rho within off (L, n) of rest.
 
-        These are motions of the object about the contacts' centroid, a turn times `GraspData.size`, and of each joint
-        times its unit. Of unknowns that they do not bound, rho has to be 0.
+        These are measured by `tolerance.motion_size`. Of unknowns that they do not bound, rho has to be 0.
         """
         g, at = self.grasp, self.columns
         force, torque = rest[:, :3], rest[:, 3:6]

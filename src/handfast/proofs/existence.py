@@ -32,7 +32,7 @@ from handfast.proofs.states import (
     reaction_ends,
     sense,
 )
-from handfast.proofs.tolerance import LEAST, TOO_SMALL
+from handfast.proofs.tolerance import LEAST, TOO_SMALL, motion_size
 
 NEAR = 1e-6  # relative to the forces that act: how far the forces that are proved may be from the printed ones
 TRIES = 16  # modes that are tried
@@ -48,6 +48,7 @@ class Proved:
         reason: why not exactly; "" if it is.
         residual: what the floats themselves miss, relative to the scale of the load.
         radius: [N] how far from the floats the forces and motions at the contacts are at most.
+        motion: [N] `tolerance.motion_size` of the state that is proved, at most.
         margin: the least by which an inequality of the modes is strict, relative to the forces that act.
         magnitude: between which the magnitude of the exact state is, where that is an unknown.
         modes: of the state that is proved; see `Modes.words`.
@@ -58,6 +59,7 @@ class Proved:
     reason: str
     residual: float
     radius: float = np.inf
+    motion: float = np.inf
     margin: float = 0.0
     magnitude: tuple[float, float] | None = None
     modes: Modes | None = None
@@ -92,7 +94,7 @@ def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -
         reason = f"{done.reason}; {rough.where} is missed by {rough.missed:.1e} of the load"
         return replace(done, reason=reason, residual=rough.missed)
     at = None if p.along is None else (p.magnitude, p.magnitude)
-    return Proved(False, True, done.reason, rough.missed, rough.changed, 0.0, at, rough.modes)
+    return Proved(False, True, done.reason, rough.missed, rough.changed, rough.motion, 0.0, at, rough.modes)
 
 
 def _nearer(p: Problem, x: State, modes: Modes) -> Near:
@@ -241,7 +243,8 @@ def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
     margin, radius = inequalities(p, s.modes, box), _radius(p, x, box)
     off = box.magnitude_off + 4 * ULP * abs(box.magnitude)
     ends = (box.magnitude - off, box.magnitude + off) if p.along is not None else None
-    return Proved(True, False, "", residual, radius, margin, ends, s.modes)
+    motion = motion_size(p.grasp, box.v, box.v_off)
+    return Proved(True, False, "", residual, radius, motion, margin, ends, s.modes)
 
 
 # --- what has to hold all over a box ---------------------------------------------------------------

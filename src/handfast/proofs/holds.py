@@ -216,9 +216,14 @@ def _refuted(saved: SavedHold) -> list[Replay]:
 
 def _unbalanced(saved: SavedHold, name: str) -> Replay:
     """That no forces at the contacts balance a load: the equations (1) contradict themselves."""
-    found = checker.verify(Certificate.of_root(replace(saved.question, wrench=saved.loads[name]), (0.0, np.inf)))
+    q = replace(saved.question, wrench=saved.loads[name])
+    found = checker.verify(Certificate.of_root(q, (0.0, np.inf)))
     claim = f"no forces at the contacts balance {name}"
-    return Replay(f"{name}, no forces", claim, found.reason and "forces at the contacts may balance it")
+    reason = "forces at the contacts may balance it" if found.reason else ""
+    if found.cap is not None and not reason:
+        claim += f", up to virtual motions of {found.cap:.6g} N"
+        reason = answers.cap_fault(q, found.cap, 0.0, None)
+    return Replay(f"{name}, no forces", claim, reason)
 
 
 def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:

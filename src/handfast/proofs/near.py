@@ -23,7 +23,7 @@ from flint import fmpq, fmpq_mat
 
 from handfast.proofs.fields import Array, cross, dot, not_zero, rational, rationals, rounded
 from handfast.proofs.states import ULP, Contact, Modes, Part, Problem, State, reaction_ends, sense
-from handfast.proofs.tolerance import EPS, WORK
+from handfast.proofs.tolerance import EPS, WORK, motion_size
 
 BELOW, ABOVE = 1 - 1e-6, 1 + 1e-9  # what is allowed, and what is bounded, with room for the rounding of bounds
 
@@ -36,12 +36,14 @@ class Near:
         missed: the most of it, relative to the load: EPS or less is shown. where: what that is.
         modes: of the states that are shown.
         changed: [N] how far forces and motions at the contacts are from the floats at most.
+        motion: [N] `tolerance.motion_size` of the states at most.
     """
 
     missed: float
     where: str
     modes: Modes
     changed: float
+    motion: float = np.inf
 
     @property
     def shown(self) -> bool:
@@ -260,7 +262,8 @@ class _Curve:
             self._fault("the work of what (1) and (2) miss", work * ABOVE / F * (EPS / WORK))
         where = max(self.faults, key=lambda name: self.faults[name])
         modes = Modes(self.contact, np.zeros(g.m, dtype=bool), self.actuator, self.joint)
-        return Near(self.faults[where], where, modes, self.changed)
+        at_centroid = np.array([[rounded(x) for x in v] for v in self.v])
+        return Near(self.faults[where], where, modes, self.changed, motion_size(g, at_centroid))
 
 
 def _projected(q: list[list[fmpq]], rows: list[list[fmpq]], units: list[fmpq]) -> list[list[fmpq]]:

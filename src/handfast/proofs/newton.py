@@ -37,8 +37,10 @@ class NotShown(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Motions d (N + 1,) and forces phi (N + 1,) of all rows, and the magnitude, each with a radius."""
+    """Motions v (6 + l,), d (N + 1,) and forces phi (N + 1,) of all rows, and the magnitude, each with a radius."""
 
+    v: Array
+    v_off: Array
     d: Array
     d_off: Array
     phi: Array
@@ -243,7 +245,8 @@ class System:
         s_off = float(away[-1]) if self.sought.any() else 0.0
         phi_off[-1] = 0.0
         held = self.rows.held
-        return Box(np.where(held, 0.0, self.d), np.where(held, 0.0, d_off), self.phi, phi_off, p.magnitude, s_off)
+        d, d_off = np.where(held, 0.0, self.d), np.where(held, 0.0, d_off)
+        return Box(self.v, Cv @ radius, d, d_off, self.phi, phi_off, p.magnitude, s_off)
 
 
 def between(modes: Modes) -> str:

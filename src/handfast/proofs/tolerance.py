@@ -51,6 +51,24 @@ def load_scale(g: GraspData, w: Array) -> float:
     return scale or 1.0
 
 
+def motion_size(g: GraspData, motion: Array, off: Array | float = 0.0) -> float:
+    """[N] of motions (..., 6 + l) of object and joints, at unit stiffness: no less than the largest of all these.
+
+    The object's motion at the contacts' centroid, its turn times `size`, and each joint's motion times `joint_units`.
+    off: (6 + l,) by how much the motions may differ besides. HOLDS says how large its motions are, and a proof that
+    holds for motions up to a cap only what that is, in this measure.
+    """
+    v, off = np.asarray(motion), np.broadcast_to(off, (6 + g.l,))
+    at_centroid = v[..., :3] + np.cross(v[..., 3:6], g.centroid)
+    turn_off = float(np.linalg.norm(off[3:6]))
+    arm = float(np.linalg.norm(g.centroid))
+    rounding = 1e-15 * arm * np.abs(v[..., 3:6]).max(initial=0.0)
+    moved = np.linalg.norm(at_centroid, axis=-1) + float(np.linalg.norm(off[:3])) + arm * turn_off + rounding
+    turned = (np.linalg.norm(v[..., 3:6], axis=-1) + turn_off) * g.size
+    joints = (np.abs(v[..., 6:]) + off[6:]) * g.joint_units
+    return float(max(moved.max(), turned.max(), joints.max(initial=0.0)) * (1 + 1e-12))
+
+
 def slack(g: GraspData, scale: float) -> Array:
     """(6 + l,) by which (1), forces and torques about the contacts' centroid, and (2), by joint, may be missed."""
     return EPS * scale * np.r_[1.0, 1.0, 1.0, g.size * np.ones(3), g.joint_units]

@@ -148,8 +148,8 @@ class Answer(Presented, ABC):
 
     def _too_small(self, cap: float, shown: Witness | None) -> bool:
         """Is a bound for motions up to a cap [N] not complete beside this witness?"""
-        state = None if shown is None else stated(shown.state)
-        return self.question is not None and bool(answers.cap_fault(self.question, cap, self._bound, state))
+        motion = None if shown is None else stated(shown.state).motion
+        return self.question is not None and bool(answers.cap_fault(self.question, cap, self._bound, motion))
 
     @property
     def _bound(self) -> float:
@@ -178,6 +178,11 @@ class Answer(Presented, ABC):
         """Is an exact state proved to exist, for the numbers as they are? None without a witness."""
         return None if self.proved is None else self.proved.exact
 
+    @property
+    def motion(self) -> float | None:
+        """[N] how large the virtual motions of the state that is proved are, see `tolerance.motion_size`; or None."""
+        return None if self.proved is None else self.proved.motion
+
     @abstractmethod
     def said(self) -> dict[str, Any]:
         """The keys of its query's JSON."""
@@ -186,7 +191,7 @@ class Answer(Presented, ABC):
         """Keys of every answer: is there a certificate, was all replayed, up to which motions [N] if not all?"""
         cap = self.proof.cap if self.proof else None
         known = {"certified": self.certificate is not None, "verified": self.verified, "motion_cap": cap}
-        return known | {"exact": self.exact}
+        return known | {"exact": self.exact, "motion": self.motion}
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
