@@ -17,6 +17,7 @@ from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.planning.rejection import Pair, Rejected, RejectionReason, Tally
 from handfast.planning.results.search_file import REASONS
+from handfast.proofs.unbalanced import down
 
 SHOWN_REASONS = 3
 SHORT = {  # reasons in a few words, for a line of progress
@@ -33,6 +34,7 @@ SHORT = {  # reasons in a few words, for a line of progress
 }
 
 if TYPE_CHECKING:
+    from handfast.planning.no_balance import BalanceSearched
     from handfast.planning.results.grasps import Grasps
 
 
@@ -105,6 +107,8 @@ def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), time
 def sentence(answer: Grasps) -> str:
     """The answer in one sentence."""
     n, seconds = len(answer.grasps), f"in {num(answer.seconds, 3)} s"
+    if answer.balance.shown:
+        return f"{no_balance_text(answer)}, wherever in their regions the contacts are. Proved {seconds}."
     if answer.verdict is Reach.NONE:
         return f"The hand cannot bring the regions together: every part of the space was discarded {seconds}."
     if not n:
@@ -117,6 +121,32 @@ def sentence(answer: Grasps) -> str:
     which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"
     short = f" Requirements for {answer.count}: {WHY[answer.stop]}." if n < answer.count and answer.stop in WHY else ""
     return f"{which}, {seconds}.{short}"
+
+
+def no_balance_text(answer: Grasps) -> str:
+    """Why no contact forces balance the loads."""
+    distance = answer.balance.line_distance
+    if not distance:
+        return f"No contact forces balance the loads with a friction of {num(answer.requirements.friction)}"
+    near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance)} mm"
+    return f"Two fingertips have no moment about the line between them, and {near}"
+
+
+def balance_text(searched: BalanceSearched) -> str:
+    """How far the proof has come that no contact forces balance the loads, and what stands in its way."""
+    if searched.balanced is not None:
+        return (
+            "contact forces could balance every load, by statics alone: hand, collisions or friction stand in the way"
+        )
+    share = f"no forces balance the loads at {100 * searched.discarded:.3g} % of the placements of the contacts"
+    if searched.open is None:
+        return share
+    ends = [f"{low:.3g} to {high:.3g}" for low, high in searched.open.tolist()]
+    where = ", ".join(
+        f"contact {k} at s {s}, t {t}" for k, (s, t) in enumerate(zip(ends[::2], ends[1::2], strict=True))
+    )
+    left = f"{searched.pending} boxes"
+    return f"{share}; neither that nor a placement where they do was shown in {left}, of which the largest is {where}"
 
 
 def loads_text(answer: Grasps) -> str:
@@ -169,3 +199,5 @@ def _show_tally(out: Console, answer: Grasps) -> None:
         out.print(grid)
         looked = f"{answer.evaluated} certified configurations judged, steps included"
         out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
+    if answer.verdict is Reach.UNDECIDED:
+        out.print(balance_text(answer.balance), style="dim")

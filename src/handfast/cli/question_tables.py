@@ -178,7 +178,10 @@ def show_grasps_question(out: Console, what: SavedGrasps, question: Mapping[str,
     terms = _terms(asked.eta, question["mdp"], asked.torque_limits or {}, asked.force_limit)
     limit = [] if asked.command_limit is None else [f"commands up to {num(asked.command_limit)}"]
     facts = "; ".join([f"friction {num(asked.friction)}", *terms, *limit])
-    out.print(f"\n{_opening(proved)} each load alone is held under one preload; {facts}", soft_wrap=True)
+    held = (
+        "no grasp of these regions holds each load alone" if what.none else "each load alone is held under one preload"
+    )
+    out.print(f"\n{_opening(proved)} {held}; {facts}", soft_wrap=True)
     grid = table("load", "at the object's origin", "")
     for name, wrench, weight in zip(what.loads.names, what.loads.wrenches, what.loads.weights, strict=True):
         made = "as stated"

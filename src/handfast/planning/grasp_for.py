@@ -8,6 +8,7 @@ exact model. That nothing was found proves nothing, except where synthesis answe
 
 from __future__ import annotations
 
+import sys
 import time
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,6 +28,7 @@ from handfast.model.body import Body
 from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
 from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, Improved, LocalSearch
 from handfast.planning.filters.balance import friction_margin
+from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import Requirements, TaskGraspOptions, fingerprint, link_pairs, refuse_another
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.search_file import REASONS, FoundEntry, SavedSearch
@@ -43,6 +45,8 @@ from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_problem import TaskProblem
 
+FIRST_BOXES = 512  # of placements that are examined before any configuration is sought
+BALANCE_SHARE = 0.2  # of the time in which nothing is found, for the proof that no forces balance the loads
 DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
 FRUITLESS = 4  # units without any certified start after which synthesis is asked whether there is one
 
@@ -137,6 +141,7 @@ class _TaskSearch:
         self.done = self.counted()  # after the last unit that was done before the time was up
         self.cut = False
         self.synthesis: Synthesis | None = None
+        self.balance = self.proof_of_none()
         self.begin, self.spent = time.monotonic(), 0.0
 
     def run(self, timeout: float | None, jobs: int) -> Grasps:
@@ -165,6 +170,11 @@ class _TaskSearch:
         refuse_another(earlier.question, self.question)
         self.done, self.spent, self.units = earlier, earlier.seconds, earlier.units
         self.evaluated, self.starts, self.unproved = earlier.judged, earlier.starts, earlier.unproved
+        if earlier.balance is not None:
+            try:
+                self.balance = self.proof_of_none(earlier.balance)
+            except InputError as fault:
+                raise fault.within("balance") from None
         kept = []
         for i, found in enumerate(earlier.found):
             proof = found.proof(self.evaluator.task, f"found[{i}]")
@@ -178,16 +188,31 @@ class _TaskSearch:
         self.gathered = Gathering(self.count, _alike, earlier.tally, kept)
         self.grasps = [self.proved(f, f.first) for f in kept]
 
+    def proof_of_none(self, saved: Any = None) -> NoBalance:
+        """The search for a proof that no forces balance the loads, from where an earlier one was."""
+        e, r, center = self.evaluator, self.work.requirements, np.asarray(self.body.center_of_mass, dtype=float)
+        return NoBalance(e.task, e.loads, r.friction, center=center, seed=self.work.seed, saved=saved)
+
     def search(self, pool: WorkerPool[LocalSearch]) -> Stop:
-        """Units in order until there are enough, or the time is over."""
+        """Units in order until there are enough, or it is shown that there are none, or the time is over."""
         if self.gathered.enough:
             return Stop.COMPLETE
+        self.balance.run(FIRST_BOXES, self.work.end)
+        if self.balance.shown:
+            return Stop.COMPLETE
+        begin = time.monotonic()
         for unit in pool.map(LocalSearch.run, self.work.numbers(self.units), ahead=pool.jobs + 1):
             new = self.take(unit)
             self.prove(pool)
             self.journal.note(self.answer(Stop.INTERRUPTED), new=new)
             if self.gathered.enough:
                 return Stop.COMPLETE
+            if not self.gathered.kept and not self.balance.over:
+                now = time.monotonic()
+                self.balance.run(sys.maxsize, min(self.work.end, now + BALANCE_SHARE * (now - begin)))
+                begin = time.monotonic()
+                if self.balance.shown:
+                    return Stop.COMPLETE
             if not self.gathered.tally.total and self.units == FRUITLESS:
                 self.synthesis = self.possible()
                 if self.synthesis.verdict is not Reach.FOUND:
@@ -238,7 +263,9 @@ class _TaskSearch:
 
     def answer(self, stop: Stop) -> Grasps:
         """What is known so far."""
-        none = self.synthesis is not None and self.synthesis.verdict is Reach.NONE
+        balance = self.balance.searched
+        none = balance.shown or (self.synthesis is not None and self.synthesis.verdict is Reach.NONE)
+        going_on = None if self.balance.over else self.balance.to_json()
         seconds = self.spent + time.monotonic() - self.begin
         found = [self.remembered(f) for f in self.gathered.kept if f.answer]
         return Grasps(
@@ -256,8 +283,9 @@ class _TaskSearch:
             self.starts,
             self.unproved,
             self.synthesis,
+            balance=balance,
             requirements=self.work.requirements,
-            search=self.done.model_copy(update={"found": found, "seconds": seconds}),
+            search=self.done.model_copy(update={"found": found, "seconds": seconds, "balance": going_on}),
         )
 
     def remembered(self, f: _Found) -> FoundEntry:

@@ -3,6 +3,8 @@
 Of each grasp: an exact configuration exists in which hand and object touch as the task asks, and every load alone is
 held under its one preload. That contacts, joints and mechanism of the grasp are those of the hand at that configuration
 is geometry: `handfast verify` works it out anew.
+
+Or that there is none: no contact forces balance the loads, wherever on the object the contacts are (`unbalanced`).
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, read_state
+from handfast.proofs.synthesis import COURSE, NAMES
 from handfast.proofs.tasks import read_task
+from handfast.proofs.unbalanced import replay_unbalanced
 
 SCHEMA = "handfast/grasps/1"
 NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
@@ -33,22 +37,31 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     f.text("schema", among=[SCHEMA])
     task, motors, asked = read_task(f.take("task")), f.object("motors"), f.object("question")
     names = [actuator.text("name") for actuator in motors.objects("actuators")]
-    loads = _read_loads(asked.object("loads"), asked.object("object"))
+    loads, center = _read_loads(asked.object("loads"), asked.object("object"))
     terms = _Terms(asked, names)
     answer, entries = f.object("answer"), list(f.objects("grasps"))
     verdict, said = answer.text("verdict", among=("found", "none", "undecided")), answer.take("loads")
     for name in ("checksum", "record"):
         f.take(name)
+    none = f.object("none") if f.has("none") else None
+    f.take("none", None)
     f.done()
     refused = ""
-    if (verdict == "found") != bool(entries):
+    if none is not None and verdict != "none":
+        refused = f"{verdict.upper()} with a proof that there is none"
+    elif (verdict == "found") != bool(entries):
         refused = f"{verdict.upper()} {'with' if entries else 'without'} a grasp"
-    elif verdict != "found":
+    elif verdict != "found" and none is None:
         refused = f"{verdict.upper()} rests on the search itself, ask it again"
     elif not _same_loads(said, loads):
         refused = "the answer is about other loads"
     if any(entry == other for k, entry in enumerate(data["grasps"]) for other in data["grasps"][:k]):
         refused = "a grasp is there twice"
+    if none is not None and refused:
+        return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
+    if none is not None:
+        part = replay_unbalanced(task.on_object, loads, terms.friction, center, none)
+        return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     try:
         equations = ContactEquations.of(task)
     except Refused as fault:
@@ -79,20 +92,21 @@ class _Terms:
         f.done()
 
 
-def _read_loads(f: Fields, thing: Fields) -> Mapping[str, Array]:
-    """(6,) [N, N m] by name: wrenches as they are given, or the object's weight."""
+def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | None]:
+    """(6,) [N, N m] by name: wrenches as they are given, or the object's weight. If all are weights, where they act."""
     thing.text("name")
     mass = thing.number("mass", least=0.0) if thing.has("mass") else None
     thing.take("mass", None)
     centre = thing.numbers("center_of_mass", (3,))
     thing.done()
     out: dict[str, Array] = {}
+    weights = True
     for name in f.names():
         load = f.object(name)
         if load.has("wrench") == load.has("weight"):
             raise BadFile("needs either a wrench or a weight", load.place)
         if load.has("wrench"):
-            out[name] = load.numbers("wrench", (6,))
+            out[name], weights = load.numbers("wrench", (6,)), False
         else:
             weight = load.object("weight")
             along, size = weight.numbers("along", (3,)), weight.number("factor") * weight.number("g")
@@ -107,7 +121,7 @@ def _read_loads(f: Fields, thing: Fields) -> Mapping[str, Array]:
         load.done()
     if not out:
         raise BadFile("is empty; at least one load is needed", f.place)
-    return out
+    return out, centre if weights else None
 
 
 def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping[str, Array], name: str) -> Replay:

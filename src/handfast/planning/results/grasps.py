@@ -19,6 +19,7 @@ from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.evaluator import Derived
+from handfast.planning.no_balance import BalanceSearched
 from handfast.planning.question import Requirements
 from handfast.planning.ranking import rank
 from handfast.planning.rejection import Tally
@@ -132,13 +133,14 @@ class Grasps(Presented):
 
     Attributes:
         task, body, loads: as asked. count: how many grasps were asked for. seed: of the random starts.
-        verdict: FOUND with at least one; NONE if the hand cannot bring the regions together at all; else
-            UNDECIDED.
+        verdict: FOUND with at least one; NONE if no contact forces balance the loads wherever in the regions the
+            contacts are, or if the hand cannot bring the regions together at all; else UNDECIDED.
         stop: why the search ended. seconds: wall time after start-up.
         grasps: best first.
         tally: what became of the certified random starts.
         evaluated: configurations that were looked at, steps included. starts, unproved: of the local search.
         synthesis: the answer behind NONE, or behind an UNDECIDED where no start was ever certified.
+        balance: how far the proof has come that no contact forces balance the loads.
         requirements: friction, actuators and limits, as asked.
         search: how far it has come, to go on from.
     """
@@ -157,6 +159,7 @@ class Grasps(Presented):
     starts: int
     unproved: int
     synthesis: Synthesis | None = field(default=None, repr=False)
+    balance: BalanceSearched = field(kw_only=True)
     requirements: Requirements = field(kw_only=True, repr=False)
     search: SavedSearch = field(kw_only=True, repr=False)
 
@@ -178,6 +181,7 @@ class Grasps(Presented):
             "unproved": self.unproved,
             "judged": self.evaluated,
             "fates": self.tally.to_json("holds", REASONS),
+            "balance": self.balance.to_json(),
         }
 
     @property
@@ -188,7 +192,9 @@ class Grasps(Presented):
         record = {k: v for k, v in self.noted.items() if k not in ("schema", "query", "verdict")}
         record |= {"count": self.count, "grasps": [g.noted for g in self.grasps]}
         saved = [g.saved for g in self.grasps]
-        return SavedGrasps.of(self.task, thing, self.loads, self.requirements, self.verdict, saved, record)
+        return SavedGrasps.of(
+            self.task, thing, self.loads, self.requirements, self.verdict, saved, record, self.balance.proof
+        )
 
     def verify(self) -> Replay:
         """Everything that is proved of the grasps, checked again without any search, see `results.verify`."""

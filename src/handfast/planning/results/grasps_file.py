@@ -2,14 +2,15 @@
 
 Primary are the task with its hand, the hand's motors, the question, and of each grasp the configuration with its
 proof of existence, all joints, the preload and a witness for each load. `grasp` and `answer` follow from these: a
-replay computes them again. `record` is what the search noted that nothing here can prove: its course, clearances,
+replay computes them again. `none` is the proof that there is no grasp, as no contact forces balance the loads, where
+that is answered. `record` is what the search noted that nothing here can prove: its course, clearances,
 scores. `checksum` is that of all the rest; it tells of damage, not of forgery.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -148,6 +149,7 @@ class GraspsFile(Strict):
     answer: GraspsAnswerEntry
     record: dict[str, Any]
     grasps: list[GraspEntry]
+    none: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +189,7 @@ class SavedGrasps:
         answer: what is said of them all.
         record: what the search noted; nothing of it is proved.
         question: SHA-256 of task, motors and question as they stand in the file.
+        none: the proof that no contact forces balance the loads; None without one.
     """
 
     task: Task
@@ -197,6 +200,7 @@ class SavedGrasps:
     answer: GraspsAnswerEntry
     record: dict[str, Any]
     question: str
+    none: Mapping[str, Any] | None = None
 
     @classmethod
     def of(
@@ -208,6 +212,7 @@ class SavedGrasps:
         verdict: Reach,
         grasps: Sequence[SavedGrasp],
         record: dict[str, Any],
+        none: Mapping[str, Any] | None = None,
     ) -> SavedGrasps:
         """An answer as a file would hold it."""
         question = asked_digest(_primary(task, object, loads, requirements))
@@ -219,7 +224,7 @@ class SavedGrasps:
             loads=loads.by_name,
             grasps=[g.answer for g in grasps],
         )
-        return cls(task, object, loads, requirements, tuple(grasps), answer, record, question)
+        return cls(task, object, loads, requirements, tuple(grasps), answer, record, question, none)
 
 
 # --- writing ----------------------------------------------------------------------------------------
@@ -233,6 +238,7 @@ def to_dict(saved: SavedGrasps) -> dict[str, Any]:
         "record": saved.record,
         "grasps": [_entry(g) for g in saved.grasps],
     }
+    data |= {} if saved.none is None else {"none": dict(saved.none)}
     return sealed(_primary(saved.task, saved.object, saved.loads, saved.requirements) | data)
 
 
@@ -304,7 +310,9 @@ def from_dict(data: Any) -> SavedGrasps:
         _grasp(task, e, answer, f"grasps[{i}]")
         for i, (e, answer) in enumerate(zip(entry.grasps, said.grasps, strict=True))
     )
-    return SavedGrasps(task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data))
+    return SavedGrasps(
+        task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data), entry.none
+    )
 
 
 def _loads(q: GraspsQuestionEntry) -> Loads:

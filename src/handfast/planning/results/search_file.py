@@ -54,6 +54,7 @@ class SavedSearch(Strict):
         units: of work that were done, from the first. fates, judged, starts, unproved: what became of them.
         found: those that differ from each other, in the order in which they were found.
         seconds: spent.
+        balance: boxes of the search for a proof that no forces balance the loads, while it is going on.
     """
 
     format: Literal["handfast/search/1"] = Field(alias="schema")
@@ -65,6 +66,7 @@ class SavedSearch(Strict):
     unproved: Count
     seconds: float
     found: list[FoundEntry]
+    balance: dict[str, Any] | None = None
 
     @property
     def tally(self) -> Tally:

@@ -109,10 +109,11 @@ def question_of(saved: SavedGrasps) -> dict[str, Any]:
 def _answer_fault(saved: SavedGrasps) -> str:
     """What the answer as a whole says that does not follow; '' if nothing."""
     answer = saved.answer
-    if answer.verdict is not Reach.FOUND:
+    proved = answer.verdict is Reach.NONE and saved.none is not None and not saved.grasps
+    if answer.verdict is not Reach.FOUND and not proved:
         rest = "with a grasp" if saved.grasps else "has no grasp to prove: it rests on the search itself"
         return f"{answer.verdict.upper()} {rest}"
-    if not saved.grasps:
+    if not (saved.grasps or proved):
         return "FOUND without a grasp"
     if answer.question != saved.question:
         return "the answer is to another question: task, motors or question were changed"

@@ -1,0 +1,367 @@
+"""Shows that no contact forces balance a load, wherever in their regions the contacts are: nothing of the search.
+
+A placement says where on its object region each contact is: two parameters each, whatever the hand. A twist (v, omega)
+of the object moves the contact at p by u = v + omega x p. If, with n the normal into the object and mu the friction,
+
+    n.u >= mu |u_t|  at every contact,   and   v.F + omega.M > 0  for a load (F, M) at the object's origin,
+
+then neither the load nor any force in a friction cone does negative work, and the load does some: together they are not
+in balance (Farkas' lemma). The load may be a sum of several with weights that are not negative: if forces balance each
+of them, they balance the sum. A twist may be constant in a box of placements, or that of turning about the line through
+two contacts, wherever these are: both then rest, and only the others have to meet the first condition.
+
+A proof is a tree of boxes, halved until each has such a twist. Every box is checked in interval arithmetic. The
+load may be missed by as much as a state that holds may miss it (`tolerance`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
+from handfast.proofs.intervals import Dual, Interval, cross, dot, join, sqr, sqrt, unit
+from handfast.proofs.regions import ContactSide, RegionData
+from handfast.proofs.replay import Figure, Refused, Replay
+from handfast.proofs.tolerance import EPS, LEAST
+
+BATCH = 64  # boxes that are looked at together
+BOXES = 8000  # for the distance from the line through two contacts
+TIGHT = 0.95  # of the least distance that was met: a bound that is good enough
+MANY = 2_000_000  # entries of a tree at most
+MORE = 1 + 1e-14  # over the rounding of a bound that is computed in a few steps
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Twists that refute boxes, one for each of N boxes.
+
+    Attributes:
+        weights: (N, k) of the loads, of which the sum does work on it.
+        line: (N, 2) the two contacts about whose line it turns, from the first to the second; -1 if it is constant.
+        twist: (N, 6) v [m/s] of the object's origin and omega [rad/s] if it is constant, else 0. Any size will do.
+    """
+
+    weights: Array
+    line: Integers
+    twist: Array
+
+    def __getitem__(self, key: Any) -> Motions:
+        return Motions(self.weights[key], self.line[key], self.twist[key])
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    def to_json(self, names: Sequence[str]) -> list[dict[str, Any]]:
+        """Each with the weights of its loads, by name."""
+        return [
+            {"loads": {name: x for name, x in zip(names, weights, strict=True) if x}}
+            | ({"twist": twist} if line[0] < 0 else {"line": line})
+            for weights, line, twist in zip(self.weights.tolist(), self.line.tolist(), self.twist.tolist(), strict=True)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class BoxBounds:
+    """What is known of N boxes of placements over n parameters, each with a twist.
+
+    Attributes:
+        refuted: (N,) does the twist show that no forces balance its load anywhere in the box?
+        reach: (N, n) what each parameter changes in what is not shown; NaN where that is not known.
+    """
+
+    refuted: Mask
+    reach: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """Where K contacts can be on an object, and the loads that it bears.
+
+    Attributes:
+        side: the regions. root: (2 K, 2) the whole range of the parameters, two for each contact.
+        loads: (k, 6) forces [N] and torques [N m] at the object's origin. friction: coefficient at every contact.
+    """
+
+    side: ContactSide
+    root: Array
+    loads: Array
+    friction: float
+
+    @classmethod
+    def of(cls, regions: Sequence[RegionData], loads: Array, friction: float) -> Placements:
+        """Of the object regions of a task."""
+        columns = np.arange(2 * len(regions)).reshape(-1, 2)
+        root = np.concatenate([region.ends for region in regions])
+        return cls(ContactSide.of(regions, columns, still=False), root, np.asarray(loads, dtype=float), friction)
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return len(self.side.columns)
+
+    @property
+    def sine(self) -> float:
+        """Of the friction angle, rounded upwards."""
+        return self.friction / np.hypot(1.0, self.friction) * MORE
+
+    def at(self, parameters: Array) -> tuple[Array, Array]:
+        """Points and normals into the object (N, K, 3) at parameters (N, 2 K): rounded, for a search."""
+        at = self.side.at(Interval.of(parameters))
+        return at.point.value.mid, -at.normal.value.mid
+
+    def examined(self, boxes: Array, motions: Motions) -> BoxBounds:
+        """What the twists show of boxes (N, 2 K, 2)."""
+        refuted, reach = np.zeros(len(boxes), dtype=bool), np.full(boxes.shape[:2], np.nan)
+        with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
+            for line in np.unique(motions.line, axis=0):
+                its = np.flatnonzero((motions.line == line).all(axis=1))
+                for some in _batches(its):
+                    refuted[some], reach[some] = self._examined(boxes[some], motions[some], tuple(line.tolist()))
+        return BoxBounds(refuted, reach)
+
+    def _examined(self, boxes: Array, motions: Motions, line: tuple[int, int]) -> tuple[Mask, Array]:
+        over, at = Interval.between(*np.moveaxis(boxes, 2, 0)), boxes.mean(axis=2)
+        rows, least = self._rows(over, motions, line, boxes.shape[1])
+        middle, _ = self._rows(Interval.of(at), motions, line, 0)
+        lower, _ = _mean_value(rows, middle, over - at)
+        shown = lower >= 0
+        shown[:, 0] = lower[:, 0] > least
+        shown[:, [1 + k for k in line if k >= 0]] = True  # the contacts on the line rest
+        size = _changes(rows, over - at).mag
+        share = size / size.sum(axis=2, keepdims=True)
+        return np.asarray(shown.all(axis=1)), np.where(shown[..., None], 0.0, share).sum(axis=1)
+
+    def _rows(self, x: Interval, motions: Motions, line: tuple[int, int], n: int) -> tuple[Dual, Array]:
+        """(N, 1 + K) work of the load, then n.u - sin |u| of each contact, with n derivatives or none.
+
+        And (N,) how much work at most the load does that a state may miss.
+        """
+        at = self.side.at(x)
+        point, normal = (self.side.spread(a, n) for a in (at.point, at.normal))
+        loads = (Interval.of(motions.weights)[:, None] @ self.loads)[:, 0]
+        force, torque = loads[:, :3], loads[:, 3:]
+        if line[0] < 0:
+            v, omega = (Dual.constant(Interval.of(motions.twist[:, part]), n) for part in (slice(3), slice(3, 6)))
+        else:
+            first, second = (point[..., k, :] for k in line)
+            omega = second - first
+            v = cross(first, omega)
+        u = v[..., None, :] + cross(omega[..., None, :], point)
+        cones = dot(-normal, u) - sqrt(sqr(u).sum()) * self.sine
+        work = dot(v, Dual.constant(force, n)) + dot(omega, Dual.constant(torque, n))
+        return join([work[..., None], cones], -1), self._missed(
+            point.value, v.value, omega.value, motions.weights, line
+        )
+
+    def _missed(self, p: Interval, v: Interval, omega: Interval, weights: Array, line: tuple[int, int]) -> Array:
+        """(N,) an upper bound of the work of what a state may miss of the load, see `tolerance`.
+
+        Its torque is about the centroid c of the contacts, their size the largest distance from it. Of a single
+        contact, which has no size, it is the same share of the force and of the torque about the contact.
+        """
+        c = p.swapped().sum() / float(p.shape[1])
+        away = sqrt(sqr(p - c[..., None, :]).sum())
+        smallest, largest = away.lo.max(axis=1), away.hi.max(axis=1)
+        force, torque = Interval.of(self.loads[:, :3]), Interval.of(self.loads[:, 3:])
+        each = force, torque - cross(c[:, None], force)  # (k, 3), (N, k, 3)
+        f, moment = ((weights * sqrt(sqr(a).sum()).hi).sum(axis=1) * (1 + weights.shape[1] * 1e-14) for a in each)
+        moves, turns = (sqrt(sqr(a).sum()).hi for a in (v + cross(omega, c), omega))
+        if p.shape[1] == 2 and line[0] >= 0:
+            moves = np.zeros(len(moves))  # the centroid is on the line
+        of_force = f if p.shape[1] == 1 else f + moment / smallest
+        missed = EPS * (np.where(moves > 0, of_force * moves, 0.0) + (f * largest + moment) * turns) * MORE**8
+        return np.where(np.maximum(f, moment) > LEAST, missed, np.inf)
+
+    def line_distance(self, center: Array) -> float:
+        """[m] what a point (3,) is at least away from the line through two contacts, wherever these are.
+
+        By boxes of its own, the one with the least bound first, until the bound is `TIGHT` or `BOXES` were looked at.
+        """
+        boxes, bounds, least, seen = self.root[None], np.zeros(1), np.inf, 0
+        while seen < BOXES and bounds.min() < TIGHT * least:
+            first = np.argsort(bounds, kind="stable")[:BATCH]
+            with np.errstate(all="ignore"):
+                new, middle, reach = self._line_distances(boxes[first], center)
+            new, least, seen = np.fmax(new, bounds[first]), min(least, middle.min()), seen + len(first)
+            both = [half for box, k in zip(boxes[first], reach.argmax(axis=1), strict=True) for half in halves(box, k)]
+            boxes = np.concatenate([np.delete(boxes, first, axis=0), both])
+            bounds = np.concatenate([np.delete(bounds, first), np.repeat(new, 2)])
+        return float(bounds.min())
+
+    def _line_distances(self, boxes: Array, center: Array) -> tuple[Array, Array, Array]:
+        """Lower bounds (N,) in boxes, distances in their middles, and (N, n) what each parameter changes.
+
+        The distance is the length of the moment m of the unit vector along the line; it is at least m.a for a unit
+        vector a, that of m in the middle.
+        """
+        over, at = Interval.between(*np.moveaxis(boxes, 2, 0)), boxes.mean(axis=2)
+        moment, middle = self._moments(over, center), self._moments(Interval.of(at), center)
+        along = middle.value.mid
+        length = np.linalg.norm(along, axis=1, keepdims=True)
+        along = along / (np.maximum(length, LEAST) * MORE)  # no longer than 1
+        direction = Dual.constant(Interval.of(along), at.shape[1])
+        rows, here = (dot(m, direction)[..., None] for m in (moment, middle))
+        lower, _ = _mean_value(rows, here, over - at)
+        reach = np.nan_to_num(_changes(rows, over - at).mag[:, 0], posinf=0.0)
+        wide = ~reach.any(axis=1)
+        reach[wide] = np.ptp(boxes[wide], axis=2) / np.ptp(self.root, axis=1)
+        return np.nan_to_num(lower[:, 0], nan=0.0, neginf=0.0), length[:, 0], reach
+
+    def _moments(self, x: Interval, center: Array) -> Dual:
+        """(N, 3) of the unit vector from one contact to the other, about a point."""
+        at = self.side.spread(self.side.at(x).point, x.shape[1])
+        first, second = (at[..., k, :] for k in (0, 1))
+        return cross(first - center, unit(second - first))
+
+
+def _mean_value(over: Dual, middle: Dual, away: Interval) -> tuple[Array, Array]:
+    """Lower and upper bounds (N, R) of R functions over N boxes; NaN where the boxes are too wide.
+
+    Args:
+        over, middle: their values with derivatives over the boxes, and in the middles.
+        away: (N, n) of the boxes from their middles.
+    """
+    linear = middle.value + _changes(over, away).sum()
+    return np.fmax(over.value.lo, linear.lo), np.fmin(over.value.hi, linear.hi)
+
+
+def _changes(over: Dual, away: Interval) -> Interval:
+    """(N, R, n) of R functions by each variable, from the middles of N boxes."""
+    return Interval(over.slope.ends.transpose(1, 2, 0, 3)) * away[:, None]
+
+
+# --- proofs in files --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class UnbalancedTree:
+    """Boxes in order: a tree that halves the whole, the lower half first.
+
+    Attributes:
+        motions: that refute boxes.
+        entries: of each box the parameter in whose middle it is halved; -1 - r: it is refuted by motion r; None: open.
+    """
+
+    motions: Motions
+    entries: tuple[int | None, ...]
+
+    @classmethod
+    def read(cls, f: Fields, names: Sequence[str], contacts: int) -> UnbalancedTree:
+        """As it stands in a file; `BadFile` for what cannot be one of such loads and contacts."""
+        weights, line, twist = [], [], []
+        for motion in f.objects("motions"):
+            weighed = motion.named("loads")
+            for name, x in weighed.items():
+                refuse_unknown(name, names, "load", motion.at("loads"))
+                if x < 0:
+                    raise BadFile(f"is {x:g}; 0 or more is needed", f"{motion.at('loads')}.{name}")
+            both = motion.has("line"), motion.has("twist")
+            if both[0] == both[1]:
+                raise BadFile("needs either a line or a twist", motion.place)
+            pair = motion.numbers("line", (2,)).astype(np.int64).tolist() if both[0] else [-1, -1]
+            if both[0] and not (set(pair) <= {*range(contacts)} and pair[0] != pair[1]):
+                raise BadFile(f"is {pair}; two of the contacts 0 to {contacts - 1} are needed", motion.at("line"))
+            weights.append([weighed.get(name, 0.0) for name in names])
+            line.append(pair)
+            twist.append(motion.numbers("twist", (6,)).tolist() if both[1] else [0.0] * 6)
+            motion.done()
+        entries = f.take("tree")
+        if not isinstance(entries, list) or not 0 < len(entries) <= MANY:
+            raise BadFile(f"is no list of 1 to {MANY} entries", f.at("tree"))
+        for k, x in enumerate(entries):
+            if x is not None and (type(x) is not int or not -len(line) <= x < 2 * contacts):
+                need = f"a parameter below {2 * contacts}, a motion or null is needed"
+                raise BadFile(f"is {x!r}; {need}", f"{f.at('tree')}[{k}]")
+        f.done()
+        pairs = np.array(line, dtype=np.int64).reshape(-1, 2)
+        motions = Motions(np.array(weights).reshape(-1, len(names)), pairs, np.array(twist).reshape(-1, 6))
+        return cls(motions, tuple(entries))
+
+    def leaves(self, root: Array) -> tuple[Array, list[int | None]]:
+        """(L, n, 2) the boxes that are not halved, and the motion of each, None where one is open.
+
+        Raises:
+            Refused: the tree leaves out a box, or goes on after its last one.
+        """
+        stack, boxes, closed = [root], [], []
+        for k, entry in enumerate(self.entries):
+            if not stack:
+                raise Refused(f"the tree goes on after its last box, at entry {k}")
+            box = stack.pop()
+            if entry is None or entry < 0:
+                boxes.append(box)
+                closed.append(None if entry is None else -1 - entry)
+            else:
+                low, high = halves(box, entry)
+                if not box[entry, 0] < low[entry, 1] < box[entry, 1]:
+                    raise Refused(f"the tree halves a box that is too small, at entry {k}")
+                stack += [high, low]
+        if stack:
+            raise Refused(f"the tree leaves out {len(stack)} boxes")
+        return np.array(boxes).reshape(-1, *root.shape), closed
+
+    def checked(self, placements: Placements) -> int:
+        """How many boxes are open; all others are refuted.
+
+        Raises:
+            Refused: the tree does not cover all placements, or a box of it is not refuted by its motion.
+        """
+        boxes, closed = self.leaves(placements.root)
+        boxes, which = boxes[[m is not None for m in closed]], [m for m in closed if m is not None]
+        wrong = np.flatnonzero(~placements.examined(boxes, self.motions[which]).refuted)
+        if len(wrong):
+            raise Refused(f"{len(wrong)} of {len(boxes)} boxes are not refuted, the first is leaf {wrong[0]}")
+        return len(closed) - len(which)
+
+
+def _batches(its: Integers) -> Iterator[Integers]:
+    return (its[k : k + BATCH] for k in range(0, len(its), BATCH))
+
+
+def halves(box: Array, k: int) -> tuple[Array, Array]:
+    """A box (n, 2) cut in the middle of its side k, the lower half first."""
+    low, high = box.copy(), box.copy()
+    low[k, 1] = high[k, 0] = 0.5 * (box[k, 0] + box[k, 1])
+    return low, high
+
+
+def replay_unbalanced(
+    regions: Sequence[RegionData], loads: Mapping[str, Array], friction: float, center: Array | None, f: Fields
+) -> Replay:
+    """The claim that no contact forces balance all of some loads, each alone, wherever the contacts are.
+
+    Args:
+        regions: of the object, one for each contact. loads: (6,) by name.
+        center: (3,) the object's centre of mass if its distance from the line through two contacts is wanted.
+
+    Raises:
+        BadFile: what is wrong with the file.
+    """
+    names = list(loads)
+    tree = UnbalancedTree.read(f, names, len(regions))
+    placements = Placements.of(regions, np.array(list(loads.values())), friction)
+    used = [name for i, name in enumerate(names) if tree.motions.weights[:, i].any()]
+    claim = f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g} no contact "
+    claim += f"forces balance {'all of ' if len(used) > 1 else ''}{', '.join(used)}"
+    figures: dict[str, Figure] = {"boxes": len(tree.entries)}
+    try:
+        left = tree.checked(placements)
+    except Refused as why:
+        return Replay("balance", claim, str(why), figures)
+    if left:
+        return Replay("balance", claim, f"{left} boxes are open", figures)
+    if center is not None and len(regions) == 2:
+        least = placements.line_distance(center)
+        figures["line_distance"] = least
+        claim += f"; the line through them is at least {down(1e3 * least)} mm from the centre of mass" if least else ""
+    return Replay("balance", claim, "", figures)
+
+
+def down(x: float) -> str:
+    """A positive number in three digits, rounded down."""
+    unit = 10.0 ** (np.floor(np.log10(x)) - 2)
+    return f"{np.floor(x / unit) * unit:.3g}"
