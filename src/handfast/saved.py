@@ -13,6 +13,7 @@ from handfast.proofs import files
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 
+PLAN, GRASPS = files.PLAN, "grasps.json"
 TABLES = ".jsonl", ".parquet"  # how names of tables of labels end
 How = dict[str, Any]  # arguments of `Asking`
 SEALED = "handfast/synthesis/1", "handfast/grasps/1"  # schemas of files with a checksum
@@ -62,22 +63,36 @@ def verify(
     how |= {} if timeout is None else {"timeout": timeout}
     if not isinstance(what, str | Path):
         asks = _asks_again(what.to_json()) if replay and hasattr(what, "to_json") else None
+        if not hasattr(what, "verify"):
+            raise InputError(f"is of type {type(what).__name__}; a file, a folder or an answer is needed", field="what")
         return asks(what.to_json(), how) if asks else what.verify()  # type: ignore[union-attr]
     path = Path(what)
-    try:
-        if path.suffix.lower() in TABLES:
+    if path.suffix.lower() in TABLES:
+        try:
             return _labels(path, replay, dataset, rows, how)
-        if dataset is not None or rows:
-            raise InputError("is for tables of labels, .jsonl or .parquet", field="--row" if rows else "--dataset")
-        return _of_path(path, replay, how)
-    except BadFile as fault:
-        raise InputError(fault.problem, source=str(what), field=fault.field or None) from None
-    except InputError as fault:
-        raise fault.at(str(what)) from None
+        except InputError as fault:
+            raise fault.at(str(what)) from None
+    if dataset is not None or rows:
+        field = "--row" if rows else "--dataset"
+        raise InputError("is for tables of labels, .jsonl or .parquet", source=str(what), field=field)
+    return _of_path(path, replay, how)
 
 
 def _of_path(path: Path, replay: bool, how: How) -> Replay:
-    """What a file or a folder claims. Raises `BadFile` and `InputError`."""
+    """What a file or a folder claims; faults name the file, or the folder of the plan, in which they are."""
+    try:
+        if _is_folder(path) and not (path / PLAN).exists():
+            parts = ((file, _of_path(file, replay, how)) for file in answers_in(path))
+            return Replay("folder", parts=tuple(replace(part, name=_below(path, file)) for file, part in parts))
+        return _of_one(path, replay, how)
+    except BadFile as fault:
+        raise InputError(fault.problem, source=str(path), field=fault.field or None) from None
+    except InputError as fault:
+        raise fault.at(str(path)) from None
+
+
+def _of_one(path: Path, replay: bool, how: How) -> Replay:
+    """What a file or the folder of a plan claims. Raises `BadFile` and `InputError`."""
     if _is_folder(path):
         from handfast.planning.results.verify import measured_plan
 
@@ -94,6 +109,24 @@ def _of_path(path: Path, replay: bool, how: How) -> Replay:
     proved = files.verify(data)
     geometry = _measured(data)
     return replace(proved, parts=(*proved.parts, geometry)) if geometry else proved
+
+
+def answers_in(folder: Path) -> list[Path]:
+    """What of a folder without a plan of its own can be verified: what `grasp`, `hold --save` or `plan` of several
+    objects wrote there.
+
+    Raises:
+        InputError: there is nothing.
+    """
+    found = [file for file in (folder / GRASPS, *sorted(folder.glob("*.hold.json"))) if file.exists()]
+    below = [file.parent if file.name == PLAN else file for name in (PLAN, GRASPS) for file in folder.glob(f"*/{name}")]
+    if not (found or below):
+        raise InputError("holds nothing to verify; a folder that plan, grasp or hold --save filled is needed")
+    return [*found, *sorted(below)]
+
+
+def _below(folder: Path, file: Path) -> str:
+    return file.relative_to(folder).as_posix()
 
 
 def _is_folder(path: Path) -> bool:
@@ -155,7 +188,9 @@ def _labels(path: Path, replay: bool, dataset: str | Path | None, rows: Collecti
 
 
 def stated(path: str | Path) -> Any:
-    """What `verify` was given, parsed: of a folder its `plan.json`, of a table of labels what it is about.
+    """What `verify` was given, parsed: of the folder of a plan its `plan.json`, of a table of labels what it is about.
+
+    Of another folder what is in it, by name, under `answers`.
 
     Raises:
         InputError: it cannot be read.
@@ -165,4 +200,6 @@ def stated(path: str | Path) -> Any:
         from handfast.datasets.labels.verify_labels import about_labels
 
         return about_labels(path)
-    return read_json(path / "plan.json" if _is_folder(path) else path, "result")
+    if _is_folder(path) and not (path / PLAN).exists():
+        return {"answers": {_below(path, file): stated(file) for file in answers_in(path)}}
+    return read_json(path / PLAN if _is_folder(path) else path, "result")

@@ -124,6 +124,15 @@ def test_a_folder_has_a_line_each(grasp: str, capsys: pytest.CaptureFixture[str]
     assert sorted(p.name for p in Path("kept").iterdir()) == ["000.hold.json", "002.hold.json"]
     for saved in Path("kept").iterdir():
         assert ask(capsys, "verify", str(saved))["ok"]
+    done = ask(capsys, "verify", "kept")
+    assert [part["name"] for part in done["parts"]] == ["000.hold.json", "002.hold.json"]
+    assert done["ok"]
+    assert set(done["question"]) == {"000.hold.json", "002.hold.json"}
+    status, out, _ = run(capsys, "verify", "kept")
+    assert (status, out.split("\n")[0]) == (0, "PROVED  folder: 2 answers")
+    Path("kept/002.hold.json").write_text("{}")
+    complains(capsys, ["verify", "kept"], ["handfast: kept/002.hold.json: schema: is missing"])
+    complains(capsys, ["verify", "grasps"], ["handfast: grasps: holds nothing to verify; a folder that plan, grasp or"])
 
 
 def test_rows_as_json_are_the_same_on_two_processes(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from handfast.cli.console import table
 from handfast.cli.tables import show_witness
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability.answers import check
@@ -58,6 +59,17 @@ def test_no_output_at_all() -> None:
 
 def test_the_smallest_question_is_still_answered() -> None:
     assert check(Grasp([Contact(np.zeros(3), np.array([0, 0, 1.0]), 0.5)]), [0, 0, -1, 0, 0, 0]).verdict == "holds"
+
+
+def test_no_word_of_a_table_is_broken() -> None:
+    """Long cells in the first columns leave room for the others."""
+    name, claim = "bottle, hold, gravity, margin, certificate", "nothing above that is resisted " * 4
+    grid = table("", "claims", "replayed", "")
+    grid.add_row(name, claim, "136 leaves", "proved")
+    shown = io.StringIO()
+    Console(width=60, file=shown).print(grid)
+    said = {word for line in shown.getvalue().splitlines() for word in line.split() if word[0] != "─"}
+    assert said == {"claims", "replayed", *f"{name} {claim} 136 leaves proved".split()}
 
 
 @pytest.mark.parametrize(("torsion", "shares"), [(TORSION, ["100 %", "20 %"]), (0.0, ["60 %", "20 %"])])

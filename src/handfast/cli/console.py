@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from handfast.stability.problem.settings import Progress
 
 ANSWERED, REFUSED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
+LONG = 30  # letters of a cell beyond which it may be broken between words
 PATIENCE = 1.0  # [s] work shorter than this shows no progress
 
 
@@ -132,11 +133,21 @@ def watch(what: str) -> Iterator[Watch]:
 
 
 def table(*heads: str) -> Table:
-    """An empty table in the house style; columns with a unit hold numbers."""
+    """An empty table in the house style; columns with a unit hold numbers.
+
+    The first columns keep their lines whole until a cell of theirs is long: the others would be left with no room for a
+    word.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
+    class HouseTable(Table):
+        def add_row(self, *cells: Any, **style: Any) -> None:
+            for column, cell in zip(self.columns, cells, strict=False):
+                column.no_wrap = column.no_wrap and len(str(cell or "")) <= LONG
+            super().add_row(*cells, **style)
+
+    grid = HouseTable(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
     for i, head in enumerate(heads):
         number = i > 0 and "[" in head and head not in ("force [N]", "position [mm]")
         grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=i < 2)

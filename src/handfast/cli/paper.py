@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,6 +19,20 @@ if TYPE_CHECKING:
     from handfast.papers.methods import MethodOptions
 
 PICTURES, TABLES = (".svg", ".png"), (".md",)
+EVERY = {"list": "json", "exhibit": "output force quick timeout", "method": "json"}  # options of each of a kind
+TAKES = {  # and of single ones
+    **dict.fromkeys(("fig6", "fig8", "fig10", "fig12"), "steps"),
+    **dict.fromkeys(("table1", "table2"), "count solver json"),
+    **dict.fromkeys(("regions-table1", "regions-table2", "regions-table3"), "json"),
+    "fig5": "solver",
+    "algorithm1": "direction wrench base least plane steps eta torque_limit force_limit gap timeout"
+    " solver sectors full as_printed",
+    "earlier-scheme": "wrench edges solver timeout",
+    "planar": "direction wrench base",
+    "pyramids": "wrench edges",
+    "box-shrinking": "over timeout",
+}
+NEEDS = {"base": ("direction", "plane"), "least": ("wrench",), "steps": ("plane",)}  # of methods: one of which
 
 
 @dataclass(kw_only=True)
@@ -83,14 +97,31 @@ class Paper(Command):
         from handfast.papers.methods import METHODS
 
         if not self.what:
+            self._refuse_idle("list")
             return self._list()
+        if self.what not in METHODS and self.what not in EXHIBITS:
+            raise unknown_name("table, figure or method", self.what, [*EXHIBITS, *METHODS])
+        self._refuse_idle("method" if self.what in METHODS else "exhibit")
         if self.what in METHODS:
             return self._method()
-        if self.what not in EXHIBITS:
-            raise unknown_name("table, figure or method", self.what, [*EXHIBITS, *METHODS])
         if self.about:
             raise InputError(f"is '{self.about}'; {self.what} is made from bundled data alone", field="GRASP|TASK")
         return self._exhibit()
+
+    def _refuse_idle(self, kind: str) -> None:
+        """`InputError` for an option that would be passed over; kind: of `EVERY`."""
+        takes = {*EVERY[kind].split(), *TAKES.get(self.what, "").split()}
+        options = [f for f in fields(self) if f.name not in ("what", "about")]
+        given = [f.name for f in options if getattr(self, f.name) != f.default]
+        if idle := next((name for name in given if name not in takes), ""):
+            listed = ", ".join(_option(n) for n in sorted(takes))
+            raise InputError(f"means nothing to {self.what or 'the list'}, which takes {listed}", field=_option(idle))
+        for name in given:
+            option, needed = _option(name), NEEDS.get(name, ()) if kind == "method" else ()
+            if needed and not any(n in given for n in needed):
+                raise InputError(f"is for {' or '.join(map(_option, needed))}; give both", field=option)
+            if self.plane and name in ("direction", "wrench"):
+                raise InputError(f"asks in all directions of a plane; leave out {option}", field="--plane")
 
     def _list(self) -> int:
         from handfast.papers.exhibits import EXHIBITS
@@ -195,6 +226,10 @@ class Paper(Command):
             edges=self.edges,
             over=Over(self.over),
         )
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _effort(exhibit: Exhibit) -> str:

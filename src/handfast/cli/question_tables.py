@@ -36,6 +36,8 @@ def is_asked_again(data: Mapping[str, Any]) -> bool:
 
 def head(data: Mapping[str, Any]) -> str:
     """What a saved file is about, in a line."""
+    if "answers" in data:
+        return f"folder: {words.count(len(data['answers']), 'answer')}"
     answer = data.get("answer", data)
     said = f": {answer['verdict'].upper()}" if "verdict" in answer else ""  # a certificate by itself has none
     said += f", stop {answer['stop']}" if "stop" in answer else ""
@@ -60,6 +62,8 @@ def _head_again(data: Mapping[str, Any]) -> str:
 
 def question_json(data: Mapping[str, Any]) -> dict[str, Any]:
     """What was asked, with what tells its grasp, or its hand, object and task, from others."""
+    if "answers" in data:
+        return {name: question_json(one) for name, one in data["answers"].items()}
     if is_asked_again(data):
         return _again_json(data)
     if data.get("query") == "plan":
@@ -93,7 +97,13 @@ def grasp_digest(grasp: Grasp) -> str:
 
 def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
     """The question of a saved file."""
+    if "answers" in data:
+        for name, one in data["answers"].items():
+            out.print(f"\n{name}", style="bold")
+            show_question(out, one, proved=proved)
+        return
     if data.get("query") == "plan":
+        out.print(f"\n{_opening(proved)} each grasp holds {', '.join(data['loads'])}", soft_wrap=True)
         return
     if "task" in data:
         if "motors" in data:

@@ -129,7 +129,7 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
     if not done.ok:
         out.print(done.reason, style="yellow", soft_wrap=True)
     grid = table("", "claims", "replayed", "")
-    grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True
+    grid.columns[2].no_wrap = True
     rows = list(_claims(done, ""))
     left = [row for row in rows if row[-1] != "proved"][MOST_CLAIMS:]
     for row in rows:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
-from collections.abc import Callable, Iterable
-from typing import ParamSpec, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -18,6 +19,16 @@ KINDS = {  # classes of arguments: what is needed, and where it comes from
     "Loads": "loads are needed, such as Loads.gravity(body) or Loads.wrench(w)",
     "MapAnswer": "what force_map answers is needed",
     "SweepAnswer": "what sweep answers is needed",
+    "GraspLimits": "limits are needed, such as GraspLimits(eta=0.04, force_limit=5.0)",
+    "PlanLimits": "limits are needed, such as PlanLimits(command_limit=0.5)",
+    "Settings": "settings are needed, such as Settings(timeout=10.0)",
+    "PlanOptions": "options are needed, such as PlanOptions(count=5)",
+    "TaskGraspOptions": "options are needed, such as TaskGraspOptions(count=5)",
+    "ProposeOptions": "options are needed, such as ProposeOptions(count=5)",
+    "Perturbation": "bounds are needed, such as Perturbation(normals=0.04)",
+    "float": "a number is needed",
+    "int": "a whole number is needed",
+    "Mapping[str, float]": "numbers by name are needed, such as {'motor': 0.5}",
 }
 
 
@@ -58,16 +69,15 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def kinds_checked(function: Callable[P, R]) -> Callable[P, R]:
-    """A function that tells in words of arguments that are no grasp, hand, object, task, loads or answer.
+    """A function that tells in words of arguments that are no grasp, hand, limits, number ... where one is needed.
 
-    It looks at the parameters whose annotation begins with one of `KINDS` and names classes alone.
+    It looks at the parameters whose annotation is one of `KINDS`, and what else it may be are classes.
     """
     wanted = []
     for place, (name, parameter) in enumerate(inspect.signature(function).parameters.items()):
-        kinds = str(parameter.annotation).split(" | ")
-        if kinds[0] in KINDS and all(kind.isidentifier() for kind in kinds):
+        if kinds := _kinds(parameter.annotation):
             positional = parameter.kind is not parameter.KEYWORD_ONLY
-            wanted.append((place if positional else None, name, ["NoneType" if k == "None" else k for k in kinds]))
+            wanted.append((place if positional else None, name, kinds))
 
     @functools.wraps(function)
     def told(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -78,9 +88,40 @@ def kinds_checked(function: Callable[P, R]) -> Callable[P, R]:
                 value = kwargs[name]
             else:
                 continue
-            if not any(c.__name__ in kinds for c in type(value).__mro__):
-                given = f"'{value}'" if isinstance(value, str) else f"of type {type(value).__name__}"
-                raise InputError(f"is {given}; {KINDS[kinds[0]]}", field=name)
+            _refuse_another_kind(value, kinds, name)
         return function(*args, **kwargs)
 
     return told
+
+
+def refuse_other_kinds(options: Any) -> None:
+    """The same of the fields of a dataclass: for its `__post_init__`."""
+    of: Any = type(options)
+    for name, kinds in _field_kinds(of):
+        _refuse_another_kind(getattr(options, name), kinds, name)
+
+
+@functools.cache
+def _field_kinds(of: Any) -> list[tuple[str, tuple[str, ...]]]:
+    return [(f.name, kinds) for f in fields(of) if (kinds := _kinds(f.type))]
+
+
+def _kinds(annotation: object) -> tuple[str, ...]:
+    """The kinds that an annotation allows; none where the first is not of `KINDS`, or others are no classes."""
+    first, *others = str(annotation).split(" | ")
+    return (first, *others) if first in KINDS and all(kind.isidentifier() for kind in others) else ()
+
+
+def _refuse_another_kind(value: object, kinds: tuple[str, ...], name: str) -> None:
+    if (value is None and "None" in kinds) or any(_is_of(value, kind) for kind in kinds):
+        return
+    given = f"'{value}'" if isinstance(value, str) else f"of type {type(value).__name__}"
+    raise InputError(f"is {given}; {KINDS[kinds[0]]}", field=name)
+
+
+def _is_of(value: object, kind: str) -> bool:
+    if kind in ("float", "int"):  # numbers of numpy are numbers, too, and an array of one has always been taken
+        return hasattr(value, "__float__" if kind == "float" else "__index__")
+    if kind == "Mapping[str, float]":
+        return isinstance(value, Mapping) and all(_is_of(x, "float") for x in value.values())
+    return any(c.__name__ == kind for c in type(value).__mro__)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.core.presented import Presented
 from handfast.core.schema import LEFT_OUT, InFiles, Vector3
 from handfast.core.transforms import cross, normal_frame
@@ -66,6 +66,7 @@ class Contact(InFiles):
     torsion: float = field(default=0.0, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(self)
         object.__setattr__(self, "position", frozen(self.position, (3,), "position"))
         object.__setattr__(self, "normal", unit(self.normal, "normal"))
         mu = float(self.friction)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, kinds_checked, unknown_name
 
 LEAST = 1e-50  # below it a coefficient is none: its square vanishes
 
@@ -75,6 +75,7 @@ class Mechanism:
         l = len(joints)
         return cls(tuple(joints), np.eye(l), np.zeros((0, l)), (False,) * l)
 
+    @kinds_checked
     def commands(self, preload: Mapping[str, float] | None, *, field: str = "preload") -> Array:
         """The commanded forces f_c (a,) from actuator names; absent actuators are 0, that is locked.
 

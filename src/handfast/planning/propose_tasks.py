@@ -17,7 +17,7 @@ import numpy as np
 
 from handfast.core.answer import Reach
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.presented import Presented
 from handfast.geometry.guess_regions import regions_of
 from handfast.geometry.scene import Scene
@@ -70,6 +70,7 @@ class ProposeOptions:
     object: str | None = None
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(self)
         refuse_no_positive({"count": self.count, "timeout": self.timeout})
         refuse_negative(self.seed)
 

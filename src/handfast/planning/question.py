@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, refuse_other_kinds, unknown_name
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.anatomy import Anatomy
@@ -39,6 +39,9 @@ class PlanLimits:
     force_limit: float | None = None
     eta: float = 0.0
     settings: Settings | None = None
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(self)
 
     @property
     def of_a_load(self) -> GraspLimits:
@@ -82,6 +85,7 @@ class Allowed:
     self_depth: float = 1e-3
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(self)
         for field_, value in vars(self).items():
             if not value >= 0:
                 raise InputError(f"is {value:g} m; 0 or more is needed", field=field_)
@@ -115,6 +119,7 @@ class SearchOptions:
     safety: float = 1.0
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(self)
         refuse_no_positive({"count": self.count, "timeout": self.timeout, "safety": self.safety})
         refuse_no_positive({"command_limit": self.limits.command_limit})
         refuse_negative(self.seed)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from handfast.core import bundled
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.model.body import Body
 from handfast.model.mesh_pieces import checked_scale, joined, pieces_of
 from handfast.readers import registry
@@ -19,6 +19,7 @@ from handfast.readers.registry import ObjectParts
 LOG = logging.getLogger("handfast")
 
 
+@kinds_checked
 def load_body(
     source: str | Path,
     mass: float | None = None,
@@ -51,6 +52,7 @@ def load_body(
         known = "an OBJ, STL, PLY, OFF, IV, WRL, URDF, SDF, JSON or XML file"
         raise InputError(f"no such file; {known} is needed", source=str(path))
     try:
+        checked_scale(scale)
         parts = _parts(path, scale)
         if friction is None and parts.friction is None and parts.without_friction:
             LOG.warning("%s: %s", path, parts.without_friction)
@@ -73,7 +75,6 @@ def _parts(path: Path, scale: float) -> ObjectParts:
     if path.is_dir():
         return read_folder(path, scale)
     if registry.ending(path) in registry.MESHES:
-        checked_scale(scale)
         meshes = read_mesh(path)
         vertices, faces = joined(meshes)
         pieces = pieces_of(meshes, path.name, scale)

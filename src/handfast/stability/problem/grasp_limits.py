@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.model.grasp import Grasp
 
 MAX_ETA = np.radians(45.0)
@@ -33,6 +33,7 @@ class GraspLimits:
     force_limit: float | None = None
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(self)
         if not 0 <= self.eta < MAX_ETA:
             raise InputError(f"is {np.degrees(self.eta):g} degrees; 0 to 45 is possible", field="eta")
         if self.force_limit is not None and not self.force_limit > 0:

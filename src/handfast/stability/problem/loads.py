@@ -141,6 +141,7 @@ class Loads(Presented):
         names = tuple(f"tipped {np.degrees(a):.4g}°" for a in angles)
         return cls._of_weight(body, names, [Rotation.from_rotvec(-a * k).apply(down) for a in angles], g)
 
+    @kinds_checked
     def scaled(self, factor: float) -> Loads:
         """The same loads, larger by a safety factor."""
         if not (np.isfinite(factor) and factor > 0):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.core.parallel import default_jobs as default_jobs
 
 INF = float("inf")
@@ -36,6 +36,7 @@ class Settings:
     verify: bool = True
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(self)
         if not self.gap > 0:
             raise InputError(f"is {self.gap:g}; a positive number is needed", field="gap")
         if not self.timeout > 0:

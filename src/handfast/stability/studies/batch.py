@@ -32,7 +32,7 @@ import numpy as np
 from handfast.core import parallel
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
 from handfast.stability.answers import MaxAnswer, check, torques
@@ -92,6 +92,7 @@ class RowQuestion(BatchOptions):
         return self.query == "check" or bool(grasp.command.any()) or equivalent_of(grasp).is_given
 
 
+@kinds_checked
 def check_many(
     grasps: Grasp | Sequence[Grasp],
     wrenches: Any,
@@ -124,6 +125,7 @@ def check_many(
     return _ask(grasps, wrenches, None, asked, on_progress)
 
 
+@kinds_checked
 def max_many(
     grasps: Grasp | Sequence[Grasp],
     directions: Any,
