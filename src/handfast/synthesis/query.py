@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from handfast.core.answer import Reach, Stop
+from handfast.core.answer import Reach, SearchLimits, Stop
 from handfast.core.errors import InputError, kinds_checked
-from handfast.core.limits import SearchLimits
 from handfast.synthesis.distance import farthest, features_of
 from handfast.synthesis.embedded_task import fingerprint, task_to_dict
 from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks

@@ -14,9 +14,8 @@ from handfast.core.errors import InputError
 from handfast.datasets.dataset_rows import GraspChanges
 from handfast.datasets.labels import label_dataset as run_module
 from handfast.datasets.labels.label_dataset import LabelProgress, label_dataset
-from handfast.datasets.labels.label_files import load_labels
+from handfast.datasets.labels.label_files import folder_of, load_labels
 from handfast.datasets.labels.labeller import Labelling
-from handfast.datasets.labels.part_folder import folder_of
 from handfast.datasets.open_dataset import open_dataset
 from tests.support.labelled import fixture, heavy, write_lines
 

@@ -7,8 +7,7 @@ import pytest
 
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
-from handfast.datasets.published.mapping_file import mapping_for, read_mapping
-from handfast.datasets.published.placing import object_pose, placed
+from handfast.datasets.published.mapping_file import mapping_for, object_pose, placed, read_mapping
 from handfast.datasets.published.recorded import Posture, RecordedGrasp
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Joint, Link

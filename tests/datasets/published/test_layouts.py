@@ -11,7 +11,7 @@ import pytest
 
 from handfast.core.errors import InputError
 from handfast.datasets.published import published_file
-from handfast.datasets.published.object_frame_layouts import rotation_6d
+from handfast.datasets.published.layouts import rotation_6d
 from handfast.datasets.published.published_file import LAYOUTS, read_published
 from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
 from tests.support.published import LEFT, RIGHT, dexgraspnet_row, root, row, samples, saved_npy, torch_file

@@ -309,7 +309,7 @@ class Clock:
 def test_queries_have_a_share_of_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each takes all of the time that it is given, and decides nothing: together they take no more than there is."""
     clock = Clock()
-    monkeypatch.setattr("handfast.core.limits.time.monotonic", clock)
+    monkeypatch.setattr("handfast.core.answer.time.monotonic", clock)
     given: list[float] = []
 
     def slow(work: Callable[..., Any]) -> Callable[..., Any]:
@@ -336,7 +336,7 @@ def test_queries_have_a_share_of_the_time_that_is_left(monkeypatch: pytest.Monke
 
 def test_time_is_kept_for_margins(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
-    monkeypatch.setattr("handfast.core.limits.time.monotonic", clock)
+    monkeypatch.setattr("handfast.core.answer.time.monotonic", clock)
     given: list[float] = []
 
     def counted(*args: Any, **options: Any) -> Any:

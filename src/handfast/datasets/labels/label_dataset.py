@@ -16,10 +16,9 @@ from handfast.core.parallel import DaskWorkers, Died, WorkerPool, Workers, defau
 from handfast.core.schema import written
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
 from handfast.datasets.labels.label_columns import SCHEMA, broken, complete, described
-from handfast.datasets.labels.label_files import BrokenFile, LabelFormat, format_named, format_of
+from handfast.datasets.labels.label_files import BrokenFile, LabelFormat, PartFolder, folder_of, format_named, format_of
 from handfast.datasets.labels.label_summary import KEPT, LabelSummary
 from handfast.datasets.labels.labeller import Labelling, label
-from handfast.datasets.labels.part_folder import PartFolder, folder_of
 from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource, same_scene
 from handfast.model.grasp import Grasp

@@ -17,9 +17,8 @@ from handfast.core.errors import InputError
 from handfast.core.files import read_json, refuse_existing, write_bytes, write_text
 from handfast.core.transforms import matrix_quaternion
 from handfast.datasets.published.import_folder import SUMMARY
-from handfast.datasets.published.mapping_file import HandMapping
-from handfast.datasets.published.placing import root_of, turned
-from handfast.datasets.published.qpos_layouts import AT_ORIGIN
+from handfast.datasets.published.layouts import AT_ORIGIN
+from handfast.datasets.published.mapping_file import HandMapping, root_of, turned
 from handfast.model.configuration import Configuration
 from handfast.model.hand.hand import Hand
 from handfast.readers.configuration_file import load_configuration

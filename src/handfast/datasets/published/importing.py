@@ -12,9 +12,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
 from handfast.datasets.published.gap_closing import gaps_closed, pushed_on
-from handfast.datasets.published.mapping_file import HandMapping
+from handfast.datasets.published.mapping_file import HandMapping, PlacedGrasp, placed
 from handfast.datasets.published.object_finder import FoundObject, find_object, meshes_of
-from handfast.datasets.published.placing import PlacedGrasp, placed
 from handfast.datasets.published.published_file import Source
 from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
 from handfast.datasets.published.separating import Separator

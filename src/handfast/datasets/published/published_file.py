@@ -2,92 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.files import read_json
 from handfast.core.limited import MEMORY, SECONDS, limited
-from handfast.datasets.published import object_frame_layouts as by_object
-from handfast.datasets.published import qpos_layouts as by_world
 from handfast.datasets.published.array_file import read_array_file
-from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp, Rows
+from handfast.datasets.published.layouts import LAYOUTS, PublishedLayout
+from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
 
 ENDINGS = (".npy", ".npz", ".pt", ".pth", ".pkl", ".pickle", ".json", ".yaml", ".yml")
 TOGETHER, BYTES = 200, 1 << 24  # files, and [bytes] of them, that one process reads
 MEMORY_A_BYTE, SECONDS_A_BYTE = 20, 4e-6  # that reading a file may take beyond the usual limits
-
-
-@dataclass(frozen=True)
-class PublishedLayout:
-    """A published layout.
-
-    Attributes:
-        keys: what its files hold, in words.
-        recognises: whether data are of this layout, by their keys.
-        read: the grasps of the data of a file; the second argument is the file's name without its endings.
-    """
-
-    keys: str
-    recognises: Callable[[Any], bool]
-    read: Callable[[Any, str], Rows]
-
-
-def _has(*keys: str, either: tuple[str, ...] = ()) -> Callable[[Any], bool]:
-    """Is it a dictionary with all of these keys, and with one of some others?"""
-    return lambda data: (
-        isinstance(data, Mapping) and data.keys() >= {*keys} and (not either or not data.keys().isdisjoint(either))
-    )
-
-
-def _within(key: str, inner: str) -> Callable[[Any], bool]:
-    """Is it a dictionary with a dictionary under a key, which has another key?"""
-    return lambda data: _has(key)(data) and _has(inner)(data[key])
-
-
-def _is_dexgraspnet(data: Any) -> bool:
-    first = data[0] if isinstance(data, list | np.ndarray) and np.ndim(data) == 1 and len(data) else None
-    return isinstance(first, Mapping) and isinstance(first.get("qpos"), Mapping)
-
-
-def _is_multidex(data: Any) -> bool:
-    found = data.get("metadata") if isinstance(data, Mapping) else None
-    first = found[0] if isinstance(found, list | tuple) and found else ("", "")
-    return isinstance(found, list | tuple) and isinstance(first, list | tuple) and len(first) >= 2
-
-
-LAYOUTS: dict[str, PublishedLayout] = {  # the first that recognises a file has it
-    "dexgraspnet": PublishedLayout("a list of {scale, qpos}", _is_dexgraspnet, by_object.read_dexgraspnet),
-    "bodex": PublishedLayout("robot_pose and joint_names", _has("robot_pose", "joint_names"), by_world.read_bodex),
-    "dexonomy": PublishedLayout(
-        "grasp_qpos and tmpl_name (older: hand_template_name)",
-        _has("grasp_qpos", either=("tmpl_name", "hand_template_name")),
-        by_world.read_qpos,
-    ),
-    "dexgraspbench": PublishedLayout(
-        "grasp_qpos beside obj_pose and obj_path",
-        _has("grasp_qpos", either=("obj_path", "obj_pose")),
-        by_world.read_qpos,
-    ),
-    "graspqp": PublishedLayout("parameters with root_pose", _within("parameters", "root_pose"), by_object.read_graspqp),
-    "multidex": PublishedLayout("metadata, a list of (q, object, robot)", _is_multidex, by_object.read_multidex),
-    "mj_grasp_sim": PublishedLayout(
-        "pose (N, 4, 4) and joints (N, k)", _has("pose", "joints"), by_object.read_mj_grasp_sim
-    ),
-    "graspgen": PublishedLayout(
-        "object and grasps with transforms", _within("grasps", "transforms"), by_object.read_graspgen
-    ),
-    "isaac_grasp": PublishedLayout(
-        "format: isaac_grasp",
-        lambda data: _has("format")(data) and bool(data["format"] == "isaac_grasp"),
-        by_object.read_isaac_grasp,
-    ),
-}
 
 
 def published_files(paths: Sequence[Path]) -> list[Path]:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from handfast.core.answer import Stop, Verdict
+from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked
-from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.problem import scaled_problem

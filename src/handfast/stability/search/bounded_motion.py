@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from handfast.core.answer import Stop
+from handfast.core.answer import SearchLimits, Stop
 from handfast.core.arrays import Array
-from handfast.core.limits import SearchLimits
 from handfast.stability.search import arrays
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import INF, Search

@@ -9,9 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from handfast.core.answer import Stop
+from handfast.core.answer import SearchLimits, Stop
 from handfast.core.arrays import Array
-from handfast.core.limits import SearchLimits
 from handfast.core.parallel import default_jobs
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, Objective, Range

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from handfast.core.answer import Stop
-from handfast.core.limits import SearchLimits
+from handfast.core.answer import SearchLimits, Stop
 from handfast.model.grasp import Grasp
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, Objective

@@ -18,10 +18,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from handfast.core.answer import Stop, Verdict, header
+from handfast.core.answer import SearchLimits, Stop, Verdict, header
 from handfast.core.errors import InputError, kinds_checked
 from handfast.core.files import write_text
-from handfast.core.limits import SearchLimits
 from handfast.core.presented import Presented
 from handfast.model.grasp import Grasp
 from handfast.proofs import holds

@@ -19,11 +19,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from handfast.core.answer import SearchLimits
 from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.core.limits import SearchLimits
 from handfast.synthesis.search.boxes import KEPT, Boxes, ContactSet, Part, PoseSpace
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task

@@ -1,12 +1,14 @@
-"""Layouts that pose the hand in the frame of the object.
+"""Published layouts, how each is recognised by its keys, and how its grasps are read.
 
-DexGraspNet, GraspQP, MultiDex, mj_grasp_sim, GraspGen and isaac_grasp. Where nothing else is said the object is called
-as the file is.
+DexGraspBench, Dexonomy and BODex pose hand and object in one world; a posture is a row of numbers: position [m],
+quaternion (w, x, y, z), joint values [rad, m]. DexGraspNet, GraspQP, MultiDex, mj_grasp_sim, GraspGen and isaac_grasp
+pose the hand in the frame of the object. Where nothing else is said the object is called as the file is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,12 +27,97 @@ from handfast.datasets.published.recorded import (
     numbers,
     pose_of,
     positive,
+    posture_of,
     rows,
     text,
 )
 
+AT_ORIGIN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # a pose
 PLACE, TURN = ("WRJTx", "WRJTy", "WRJTz"), ("WRJRx", "WRJRy", "WRJRz")  # [m]; [rad] about the fixed x, then y, then z
 SQUEEZE = 0.2  # [rad] of the joint that GraspQP's velocities move most; they say the direction alone
+
+
+def read_qpos(data: Any, name: str) -> Rows:
+    """DexGraspBench and Dexonomy: `grasp_qpos` (q) or (n, q), `squeeze_qpos` and `pregrasp_qpos` like it.
+
+    A DexGraspBench file holds one grasp. Older files of Dexonomy say the object in their scene. Where the pre-grasps
+    of a file are more or fewer than its grasps, the last one is taken.
+    """
+    grasps = _matrix(entry(data, "grasp_qpos"), "grasp_qpos")
+    scene = _scene(data)
+    path = text(data.get("obj_path")) or text(scene.get("file_path")) or text(data.get("scene_path")) or name
+    hand = text(data.get("hand_name")) or text(data.get("hand_type"))
+
+    def grasp(i: int) -> RecordedGrasp:
+        pose = pose_of(np.ravel(data.get("obj_pose", scene.get("pose", AT_ORIGIN))), "obj_pose")
+        scale = positive(data.get("obj_scale", scene.get("scale", 1.0)), "obj_scale")
+
+        def posture(key: str) -> Posture | None:
+            if key not in data:
+                return None
+            found = _matrix(data[key], key)
+            return posture_of(found[i if len(found) == len(grasps) else -1], key, pose)
+
+        at = posture_of(grasps[i], "grasp_qpos", pose)
+        squeeze, before = posture("squeeze_qpos"), posture("pregrasp_qpos")
+        return RecordedGrasp(i, at, squeeze, before, object=path, scale=scale, hand=hand)
+
+    return rows(len(grasps), grasp)
+
+
+def _matrix(value: Any, field: str) -> Array:
+    """(n, q) of what has one row or several, in as many dimensions as it likes."""
+    found = np.asarray(value)
+    return numbers(
+        found.reshape(-1, found.shape[-1]) if found.ndim != 1 and found.size else found[None], (None, None), field
+    )
+
+
+def _scene(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The object's entry in the scene that older files of Dexonomy hold; empty without one."""
+    whole = data.get("scene_cfg")
+    scene = whole.get("scene") if isinstance(whole, Mapping) else None
+    task = whole.get("task") if isinstance(whole, Mapping) else None
+    name = text(task.get("obj_name")) if isinstance(task, Mapping) else ""
+    found = scene.get(name) if isinstance(scene, Mapping) else None
+    return found if isinstance(found, Mapping) else {}
+
+
+def read_bodex(data: Any, name: str) -> Rows:
+    """BODex: `robot_pose` (1, n, 3, 7 + q) of pre-grasp, grasp and squeeze, `joint_names`.
+
+    The object, its pose and its scale are the mesh of `world_cfg` that `manip_name` names.
+    """
+    poses = numbers(entry(data, "robot_pose"), (1, None, 3, None), "robot_pose")[0]
+    names = [text(n) for n in entry(data, "joint_names")]
+    if len(names) != poses.shape[2] - 7 or not all(names) or len(set(names)) < len(names):
+        raise InputError(f"has {len(names)} names for {poses.shape[2] - 7} joint values", field="joint_names")
+    mesh = _mesh(data)
+    scale = positive(mesh.get("scale", 1.0), "world_cfg.mesh.scale")
+    object_pose = pose_of(np.ravel(mesh.get("pose", AT_ORIGIN)), "world_cfg.mesh.pose")
+    path = text(mesh.get("file_path")) or text(data.get("scene_path")) or name
+
+    def named(row: Array) -> Posture:
+        found = posture_of(row, "robot_pose", object_pose)
+        return Posture(found.root, dict(zip(names, np.asarray(found.joints).tolist(), strict=True)))
+
+    def grasp(i: int) -> RecordedGrasp:
+        before, at, after = map(named, poses[i])
+        return RecordedGrasp(i, at, after, before, object=path, scale=scale)
+
+    return rows(len(poses), grasp)
+
+
+def _mesh(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The entry of the object; empty where the file leaves it to a scene file."""
+    world = data.get("world_cfg")
+    while isinstance(world, list | tuple | np.ndarray) and len(world):
+        world = world[0]
+    meshes = world.get("mesh") if isinstance(world, Mapping) else None
+    if not isinstance(meshes, Mapping) or not meshes:
+        return {}
+    chosen = meshes.get(text(data.get("manip_name")), next(iter(meshes.values())))
+    return chosen if isinstance(chosen, Mapping) else {}
 
 
 def read_dexgraspnet(data: Any, name: str) -> Rows:
@@ -183,3 +270,69 @@ def _isaac_grasp(row: Any, index: int, name: str) -> RecordedGrasp:
     score = number(row["confidence"], "confidence") if "confidence" in row else None
     pregrasp = Posture(root, before) if before else None
     return RecordedGrasp(index, Posture(root, at), pregrasp=pregrasp, object=name, score=score)
+
+
+# --- which layout a file has ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PublishedLayout:
+    """A published layout.
+
+    Attributes:
+        keys: what its files hold, in words.
+        recognises: whether data are of this layout, by their keys.
+        read: the grasps of the data of a file; the second argument is the file's name without its endings.
+    """
+
+    keys: str
+    recognises: Callable[[Any], bool]
+    read: Callable[[Any, str], Rows]
+
+
+def _has(*keys: str, either: tuple[str, ...] = ()) -> Callable[[Any], bool]:
+    """Is it a dictionary with all of these keys, and with one of some others?"""
+    return lambda data: (
+        isinstance(data, Mapping) and data.keys() >= {*keys} and (not either or not data.keys().isdisjoint(either))
+    )
+
+
+def _within(key: str, inner: str) -> Callable[[Any], bool]:
+    """Is it a dictionary with a dictionary under a key, which has another key?"""
+    return lambda data: _has(key)(data) and _has(inner)(data[key])
+
+
+def _is_dexgraspnet(data: Any) -> bool:
+    first = data[0] if isinstance(data, list | np.ndarray) and np.ndim(data) == 1 and len(data) else None
+    return isinstance(first, Mapping) and isinstance(first.get("qpos"), Mapping)
+
+
+def _is_multidex(data: Any) -> bool:
+    found = data.get("metadata") if isinstance(data, Mapping) else None
+    first = found[0] if isinstance(found, list | tuple) and found else ("", "")
+    return isinstance(found, list | tuple) and isinstance(first, list | tuple) and len(first) >= 2
+
+
+LAYOUTS: dict[str, PublishedLayout] = {  # the first that recognises a file has it
+    "dexgraspnet": PublishedLayout("a list of {scale, qpos}", _is_dexgraspnet, read_dexgraspnet),
+    "bodex": PublishedLayout("robot_pose and joint_names", _has("robot_pose", "joint_names"), read_bodex),
+    "dexonomy": PublishedLayout(
+        "grasp_qpos and tmpl_name (older: hand_template_name)",
+        _has("grasp_qpos", either=("tmpl_name", "hand_template_name")),
+        read_qpos,
+    ),
+    "dexgraspbench": PublishedLayout(
+        "grasp_qpos beside obj_pose and obj_path",
+        _has("grasp_qpos", either=("obj_path", "obj_pose")),
+        read_qpos,
+    ),
+    "graspqp": PublishedLayout("parameters with root_pose", _within("parameters", "root_pose"), read_graspqp),
+    "multidex": PublishedLayout("metadata, a list of (q, object, robot)", _is_multidex, read_multidex),
+    "mj_grasp_sim": PublishedLayout("pose (N, 4, 4) and joints (N, k)", _has("pose", "joints"), read_mj_grasp_sim),
+    "graspgen": PublishedLayout("object and grasps with transforms", _within("grasps", "transforms"), read_graspgen),
+    "isaac_grasp": PublishedLayout(
+        "format: isaac_grasp",
+        lambda data: _has("format")(data) and bool(data["format"] == "isaac_grasp"),
+        read_isaac_grasp,
+    ),
+}

@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from handfast.core.answer import Stop
-from handfast.core.limits import SearchLimits
+from handfast.core.answer import SearchLimits, Stop
 
 
 class Clock:
@@ -20,7 +19,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr("handfast.core.limits.time.monotonic", made)
+    monkeypatch.setattr("handfast.core.answer.time.monotonic", made)
     return made
 
 
