@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from handfast import (
     Verdict,
@@ -19,6 +20,7 @@ from handfast import (
     load_configuration,
     load_grasp,
     load_hand,
+    verify,
 )
 from handfast.cli.plan import PlanGrasps
 from handfast.core.answer import Stop
@@ -317,6 +319,35 @@ def test_the_command_writes_files_that_load(tmp_path: Path, capsys: pytest.Captu
         assert check(grasp, body.gravity_wrench([0, 0, -1])).verdict is Verdict.HOLDS
     with pytest.raises(InputError, match="holds a plan already"):
         command(tmp_path, count=1).run()
+
+
+def test_what_stands_in_place_of_the_files_is_measured_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mesh in millimetres, another friction than its file's, a hand with dry friction that the plan leaves out."""
+    joint = '<joint name="{0}" axis="0 {1} 0" range="-30 60" frictionloss="0.01"/>'
+    finger = '<body name="{0}" pos="{1} 0 0.02">{2}<geom type="capsule" fromto="0 0 0 0 0 0.08" size="0.01"/></body>'
+    bodies = "".join(
+        finger.format(n, x, joint.format(f"{n}_knuckle", s)) for n, x, s in (("a", -0.04, 1), ("b", 0.04, -1))
+    )
+    motors = "".join(f'<motor name="{n}_motor" joint="{n}_knuckle"/>' for n in "ab")
+    text = f'<worldbody><geom type="cylinder" size="0.05 0.01"/>{bodies}</worldbody><actuator>{motors}</actuator>'
+    (tmp_path / "hand.xml").write_text(f"<mujoco>{text}</mujoco>")
+    trimesh.creation.box((40, 60, 60)).export(tmp_path / "box.obj")
+    asked = PlanGrasps(hand=str(tmp_path / "hand.xml"), object=str(tmp_path / "box.obj"), output=tmp_path / "out")
+    asked = replace(asked, scale=0.001, friction=0.9, mass=0.1, wrench=((0.0, 0.0, -0.5, 0, 0, 0),), count=1, jobs=1)
+    assert asked.run() == 0
+    assert verify(tmp_path / "out").ok, verify(tmp_path / "out").reason
+    file = tmp_path / "out" / "plan.json"
+    said = json.loads(file.read_text())
+    assert said["scene"] == {"joint_laws": "stops,springs", "backdrivable": [], "friction": 0.9, "scale": 0.001}
+    file.write_text(json.dumps(said | {"scene": said["scene"] | {"joint_laws": "all"}}))
+    assert "joints[0].friction is missing" in verify(tmp_path / "out").reason
+    file.write_text(json.dumps(said | {"scene": said["scene"] | {"friction": 0.8}}))
+    assert "do not touch there so" in verify(tmp_path / "out").reason
+    file.write_text(json.dumps(said | {"scene": {"scale": "large"}}))
+    with pytest.raises(InputError, match=r"plan\.json: scene\.scale: "):
+        verify(tmp_path / "out")
 
 
 def test_a_margin_that_was_not_asked_is_told_with_its_reason(planned: Plan, capsys: pytest.CaptureFixture[str]) -> None:

@@ -124,9 +124,9 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
                 progress.item(done, max(self.count, self.pool or 0), f" · {starts_text(so_far.tally)}")
 
             names = _from_anywhere(self.hand), _from_anywhere(self.object)
-            folder = (
-                PlanFolder(self.output, *names, senses, resume=self.resume, on_progress=note) if self.output else None
-            )
+            laws: dict[str, Any] = {"joint_laws": self.joint_laws, "backdrivable": self.backdrivable}
+            how: dict[str, Any] = laws | {"resume": self.resume, "on_progress": note}
+            folder = PlanFolder(self.output, *names, senses, **how) if self.output else None
             journal = folder or Journal(note)
             planned = plan(hand, body, loads=loads, options=options, jobs=self.jobs, journal=journal)
         if self.report and planned.grasps:

@@ -103,7 +103,10 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
             show_question(out, one, proved=proved)
         return
     if data.get("query") == "plan":
+        made = data.get("scene", {})
+        given = f"friction {num(made['friction'])}; joint laws: {made['joint_laws']}" if made else ""
         out.print(f"\n{_opening(proved)} each grasp holds {', '.join(data['loads'])}", soft_wrap=True)
+        out.print(given, style="dim", soft_wrap=True)
         return
     if "task" in data:
         if "motors" in data:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import time
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -134,16 +134,27 @@ class PlanFolder(SearchFolder[Plan]):
     Args:
         hand, object: names or paths, as they are to stand in the files.
         closing: senses to stand in the files.
+        joint_laws, backdrivable: what the hand has in place of its file, as `Hand.with_laws` and `with_backdrivable`
+            were told.
     """
 
     holds = "a plan"
     files = (PLAN, "[0-9]*.grasp.json")
 
     def __init__(
-        self, path: Path, hand: str, object: str, closing: dict[str, int] | None = None, **journal: Any
+        self,
+        path: Path,
+        hand: str,
+        object: str,
+        closing: dict[str, int] | None = None,
+        *,
+        joint_laws: str = "all",
+        backdrivable: Sequence[str] = (),
+        **journal: Any,
     ) -> None:
         super().__init__(path, **journal)
         self.named: dict[str, Any] = {"hand": hand, "object": object, "closing": closing or None}
+        self.scene: dict[str, Any] = {"joint_laws": joint_laws, "backdrivable": list(backdrivable)}
         self._written = 0  # grasps
         self.answer: dict[str, Any] = {}  # what stands in `plan.json`
 
@@ -155,7 +166,8 @@ class PlanFolder(SearchFolder[Plan]):
             place = Configuration.of(state.hand, g.q, g.pose, **self.named, preload=g.grasp.preload)
             _save_placed(g.grasp, place, grasp, configuration)
             g.held.save(held, force=True)
-        self.answer = state.to_json()
+        scene = self.scene | {"friction": state.body.friction, "scale": state.body.scale}
+        self.answer = state.to_json() | {"scene": scene}
         for entry in (*self.answer["grasps"], *self.answer["others"]):
             entry |= {key: name.format(number[entry["attempt"]]) for key, name in PLAN_FILES.items()}
         write_text(self.source, json.dumps(self.answer, indent=1) + "\n", force=True)

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import Field
 
 from handfast.core.answer import Reach, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import SAME, read_json
+from handfast.core.files import SAME, Finite, Strict, read_json, validate
 from handfast.geometry.contacts import find_contacts, grasp_of
 from handfast.geometry.scene import Scene
 from handfast.model.grasp import Grasp
@@ -157,6 +158,15 @@ def verify_planned(asked: Attempts, scene: Scene, found: PlannedGrasp) -> Replay
     return Replay("grasp", parts=(replace(found.held.verify(), name="loads"), measured), not_replayed=NOT_REPLAYED)
 
 
+class SceneEntry(Strict):
+    """What `plan.json` says of hand and object beside their files; without it what their files say."""
+
+    joint_laws: str = "all"
+    backdrivable: list[str] = Field(default_factory=list)
+    friction: Finite | None = None
+    scale: Finite = 1.0
+
+
 def measured_plan(folder: Path) -> Replay:
     """Are the grasps in the folder of a plan the hand's on the object? Measured anew, from the files that it names.
 
@@ -164,12 +174,17 @@ def measured_plan(folder: Path) -> Replay:
         InputError: a file is missing or broken, or names no hand or no object.
     """
     plan, parts = read_json(folder / "plan.json", "plan"), []
+    try:
+        made = validate(SceneEntry, plan.get("scene", {}))
+    except InputError as fault:
+        raise fault.within("scene").at(str(folder / "plan.json")) from None
     for entry in (*plan["grasps"], *plan["others"]):
         place = load_configuration(folder / entry["configuration_file"])
         if place.hand is None or place.object is None:
             raise InputError("names no hand or no object", source=str(folder / entry["configuration_file"]))
-        hand, q = place.applied(load_hand(place.hand))
-        scene, grasp = Scene(hand, load_body(place.object)), load_grasp(folder / entry["grasp_file"])
+        hand, q = place.applied(load_hand(place.hand).with_laws(made.joint_laws).with_backdrivable(made.backdrivable))
+        body = load_body(place.object, friction=made.friction, scale=made.scale)
+        scene, grasp = Scene(hand, body), load_grasp(folder / entry["grasp_file"])
         held = read_json(folder / entry["hold_file"], "hold")
         same = _without_preload(held["question"]["grasp"]) == _without_preload(grasp_file.to_dict(grasp))
         wrong = "" if same else "its proof is about another grasp"
