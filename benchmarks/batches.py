@@ -1,14 +1,16 @@
 """Many questions at once against one at a time, and a prepared grasp under a changing load: processor time.
 
     python -m benchmarks.batches [--peers] [--peer-limit 60]
+    python -m benchmarks.batches --slipping
     python -m benchmarks.batches --picture docs/img/latencies.png
 
 For 3 to 6 contacts, on the first random grasps of `grasps.py`: `SIZE` random loads on each in one call of `max_many`
 and of `check_many`; then the first of them in a call of their own, and one by one by `maximum` and `check` in the same
-run, once with the replay of bounds and once without: means over the same questions. `across` asks one direction of many
-grasps. With --peers, Algorithm 1 on Gurobi is asked a maximum of each grasp, as in `engine.py`; one that is stopped
-counts with its limit. Times are of the processor, all threads, since the machine is shared. Results are kept in
-results/batches.json.
+run, once with the replay of bounds and once without: means over the same questions. `across` asks one direction of
+many grasps. `slipping_ms` are medians of a prepared grasp under slowly changing loads that slip, beside `check` of the
+same loads in the same run. With --peers, Algorithm 1 on Gurobi is asked a maximum of each grasp, as in `engine.py`;
+one that is stopped counts with its limit. Times are of the processor, all threads, since the machine is shared.
+Results are kept in results/batches.json.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import json
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +123,26 @@ def changing(case: Case) -> list[float]:
     return out
 
 
+def slipping(case: Case) -> dict[str, float] | None:
+    """Medians [ms] of questions about a load beyond the largest that changes slowly: prepared, and by `check`.
+
+    None where the largest is not known to be finite.
+    """
+    prepared, upper = prepare(case.grasp), maximum(case.grasp, case.direction, settings=QUICK).upper
+    if not upper < np.inf:
+        return None
+    start = 1.3 * upper * case.direction
+    side, asks = 0.05 * np.linalg.norm(start), {"prepared": prepared.check, "check": partial(check, case.grasp)}
+    seconds: dict[str, list[float]] = {name: [] for name in asks}
+    for k in range(STEPS // 5):
+        w = start * (1 + 0.2 * np.sin(0.03 * k)) + side * np.r_[np.cos(0.05 * k), np.sin(0.05 * k), 0, 0, 0, 0]
+        for name, ask in asks.items():
+            answer, spent = timed(lambda ask=ask, w=w: ask(w))
+            assert answer.verified
+            seconds[name].append(spent)
+    return {name: round(1e3 * statistics.median(spent), 3) for name, spent in seconds.items()}
+
+
 def peer(case: Case, limit: float) -> dict[str, Any]:
     """Algorithm 1 on Gurobi; processor time [s]."""
     settings = algorithm1.RefinementSettings(solver="gurobi", timeout=limit, as_printed=True)
@@ -181,6 +204,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peers", action="store_true", help="ask Algorithm 1 on Gurobi as well")
     parser.add_argument("--peer-limit", type=float, default=60.0, metavar="S")
+    parser.add_argument("--slipping", action="store_true", help="only loads that slip, beside the results there are")
     parser.add_argument("--out", type=Path, default=RESULTS, metavar="JSON")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the histogram of the results there are")
     options = parser.parse_args()
@@ -189,8 +213,14 @@ def main() -> None:
         return
     chosen = [c for m in SIZES for c in [c for c in cases(("random",)) if c.contacts == m][:GRASPS]]
     maximum(chosen[0].grasp, chosen[0].direction)  # loads the machine code
+    slips = {case.name: slipping(case) for case in chosen}
+    if options.slipping:
+        data = json.loads(options.out.read_text()) | {"slipping_ms": slips}
+        options.out.write_text(json.dumps(data) + "\n")
+        print(slips)
+        return
     rows = []
-    data: dict[str, Any] = {"machine": describe(), "questions": SIZE, "rows": rows}
+    data: dict[str, Any] = {"machine": describe(), "questions": SIZE, "rows": rows, "slipping_ms": slips}
     for case in chosen:
         rows.append(row(case))
         print(rows[-1], flush=True)

@@ -86,14 +86,18 @@ class CitedRows:
     energy: Mask
 
 
-def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
+def proved(
+    equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf, quick: bool = False
+) -> tuple[Array, Array]:
     """(L,) y b + v h less the slack, relative to its terms, positive is a proof; (L,) [N] the cap it needs, or inf.
+
+    quick: by one enclosure in floating point, or not at all.
 
     Raises:
         Late: until [s] of `time.monotonic` is over.
     """
     in_time(until)
-    return LeafSystems(equations, side, rows, until).proved()
+    return LeafSystems(equations, side, rows, until).proved(quick)
 
 
 class LeafSystems:
@@ -189,7 +193,7 @@ class LeafSystems:
 
     # --- which rows and columns make the square system
 
-    def proved(self) -> tuple[Array, Array]:
+    def proved(self, quick: bool) -> tuple[Array, Array]:
         """(L,) margins and caps. Raises `Late`."""
         L, n = self.alive.shape
         self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
@@ -207,6 +211,8 @@ class LeafSystems:
         singular = np.concatenate([np.zeros(0, np.int64), *(x.leaves[~x.regular] for x in squares)])
         self._choose(singular, RANK)
         margins, caps = self._enclosed(squares + self._squares(singular))
+        if quick:
+            return margins, np.where(margins > 0, caps, np.inf)
         self._again(np.flatnonzero(~(margins > 0) & self.more.any(axis=0)), RANK, margins, caps)
         self._exactly(margins, caps)
         for least in (RANK, *COARSE):  # columns that depend on each other to some digits

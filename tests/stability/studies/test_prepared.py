@@ -68,6 +68,25 @@ def test_what_slips_has_a_certificate() -> None:
     assert prepared.check([0, 0.5, 0]).verdict is check(prepared.grasp, [0, 0.5, 0]).verdict
 
 
+def test_the_certificate_of_a_load_that_slips_is_tried_for_those_near_it() -> None:
+    """It is made one about the load that is asked, and checked; what holds is none the less found to hold."""
+    prepared = prepare(pinch(), preload={"right": 0.1, "left": 0.1})
+    first = prepared.check([0, 1.2, 0])
+    assert first.nodes > 0
+    second = prepared.check([0, 1.15, 0.02])
+    assert (second.verdict, second.stop, second.nodes, second.verified) == ("slips", "complete", 0, True)
+    assert second.certificate is not None
+    np.testing.assert_array_equal(second.certificate.question.wrench, [0, 1.15, 0.02, 0, 0, 0])
+    assert second.verify().ok
+    assert prepared.check([0, 2.4, 0]).nodes > 0  # too far from it: searched
+    assert prepared.check([0, 2.3, 0]).nodes == 0
+    assert prepared.check([0, 0.99, 0]).verdict == "holds"
+    assert prepared.check([0, 1.2, 0]).verdict == "slips"
+    assert prepared.check([0, 0.99, 0]).verdict == "holds"
+    prepared.preload({"right": 0.2, "left": 0.2})
+    assert prepared.check([0, 1.2, 0]).verdict == "holds"
+
+
 def test_bad_loads_are_refused() -> None:
     prepared = prepare(pinch())
     with pytest.raises(InputError, match="has 2 numbers"):

@@ -101,6 +101,18 @@ class Proof:
         mended.__dict__["certificate"] = certificate
         return mended, found.ok, certificate.leaves[list(found.unproved)]
 
+    def under(self, wrench: Array, until: float = np.inf) -> Proof | None:
+        """The same cases and rows for another load (6,), if the independent checker accepts them without a cap."""
+        if self.certificate is None:
+            return None
+        certificate = replace(self.certificate, question=replace(self.certificate.question, wrench=wrench))
+        found = checker.verify(certificate, until, quick=True)
+        if not found.ok or found.cap is not None:
+            return None
+        out = replace(self, cap=None)
+        out.__dict__["certificate"] = certificate
+        return out
+
     def _rows(self, leaves: Indices, at: Columns, force: float, unit: float) -> tuple[Indices, dict[str, Any]]:
         """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units.
 

@@ -1,9 +1,9 @@
 """One grasp asked again and again: `prepare`, then `check`, `maximum`, `torques`, `hold`, `map`, of one load or many.
 
 What belongs to grasp, limits and commands is reduced once. A load is first tried by Newton's method from the states of
-the loads before it, in the compiled kernel; only where that fails is there a search. What holds is judged by the
-equations (`judge.py`). What slips is asked once more by `check`, for its certificate and the replay, which takes
-many times as long. `batch.py` says how many loads are answered.
+the loads before it, in the compiled kernel, and by the certificate of the last load that slipped, which often proves
+as much of loads near it; only where both fail is there a search. What holds is judged by the equations (`judge.py`).
+What slips is replayed by the checker. `batch.py` says how many loads are answered.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import time
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, overload
+
+import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
@@ -27,12 +29,16 @@ from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import ANY_STATE, Effort
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
+from handfast.stability.search.proof import Proof
 from handfast.stability.studies import hold as holding
 from handfast.stability.studies import maps
 from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as_base, as_rows
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.maps import MapAnswer, Plane
 from handfast.stability.studies.row_kernel import RowKernel
+
+NEAR = 0.2  # of a load: how far another one is from it at most for which its certificate is tried
+MOST_LEAVES = 100  # of such a certificate: with more a search takes no longer
 
 One = Sequence[float] | Array
 Many = Loads | Sequence[Sequence[float]] | Sequence[Array]
@@ -53,6 +59,7 @@ class PreparedGrasp:
         limits.check_backdrivable(grasp)
         self.grasp, self.limits, self.settings = grasp, limits, settings or Settings()
         self._kernel = RowKernel(limits)
+        self._slipped: Proof | None = None  # of the last load that was searched for
 
     def preload(self, preload: Mapping[str, float] | Array | None) -> None:
         """Let other commands be in force: by actuator name, or (a,) [N m or N]; absent ones are locked.
@@ -66,7 +73,7 @@ class PreparedGrasp:
         grasp = self.grasp.with_preload(preload)
         self.limits.check_backdrivable(grasp)
         self._kernel.forget_maxima()
-        self.grasp = grasp
+        self.grasp, self._slipped = grasp, None
 
     @overload
     def check(self, wrench: One) -> CheckAnswer: ...
@@ -82,14 +89,34 @@ class PreparedGrasp:
             return self._rows("check", wrench, "wrenches")
         start = time.perf_counter()
         w = scaled_problem.as_wrench(wrench)
-        searched = len(self.grasp.soft) or scaled_problem.unbalanced(self.grasp, w)  # `check` refuses the latter
+        backing: dict[str, Any] = {"verified": True}
+        backing["posed"] = BoundProblem(partial(scaled_problem.build, self.grasp, w, limits=self.limits), ANY_STATE)
+        unbalanced = scaled_problem.unbalanced(self.grasp, w)  # `check` refuses these
+        slipped = None if unbalanced else self._slipped_near(w)
+        few = slipped is not None and slipped.certificate is not None and len(slipped.certificate.leaves) <= MOST_LEAVES
+        proof = slipped.under(w, time.monotonic() + self.settings.timeout) if slipped and few else None
+        if proof is not None:
+            cost = time.perf_counter() - start, 0
+            return CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, *cost, None, proof, **backing)
+        searched = unbalanced or slipped or len(self.grasp.soft)
         found = None if searched else self._kernel.state(self.grasp, w, self.settings)
-        if found is None:
-            return check(self.grasp, w, limits=self.limits, settings=self.settings)
-        witness = Witness(self.grasp, w, found[0], self.limits.eta, True)
-        cost = time.perf_counter() - start, found[1]
-        posed = BoundProblem(partial(scaled_problem.build, self.grasp, w, limits=self.limits), ANY_STATE)
-        return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *cost, witness, None, posed=posed, verified=True)
+        if found is not None:
+            witness = Witness(self.grasp, w, found[0], self.limits.eta, True)
+            cost = time.perf_counter() - start, found[1]
+            return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *cost, witness, None, **backing)
+        answer = check(self.grasp, w, limits=self.limits, settings=self.settings)
+        slips = answer.verdict is Verdict.SLIPS and answer.verified and answer.certificate is not None
+        self._slipped = answer.proof if slips else None
+        return answer
+
+    def _slipped_near(self, w: Array) -> Proof | None:
+        """The proof of the last load that was searched for, if that slipped and is near a load (6,)."""
+        last = self._slipped
+        if last is None or last.certificate is None or not self.settings.verify:
+            return None
+        before = last.certificate.question.wrench
+        near = np.linalg.norm(w - before) <= NEAR * np.linalg.norm(before)
+        return last if near else None
 
     @overload
     def maximum(self, direction: One, *, base: One | None = ..., interval: bool = ...) -> MaxAnswer: ...
