@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.measures import chosen_forces, energies, wrench_space
 from handfast.measures.internal_forces import InternalForces, contact_robustness, grasp_robustness, internal_forces
 from handfast.measures.passive import PassiveMaxima, passive_maxima
@@ -50,6 +50,7 @@ class MeasureOptions:
     jobs: int | None = 1
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(self)
         edge_forces(0.0, self.edges)  # refuses a number that cannot be, whatever is wanted
         if not (np.isfinite(self.force_limit) and self.force_limit > 0):
             raise InputError(f"is {self.force_limit:g}; a force above 0 [N] is needed", field="force_limit")

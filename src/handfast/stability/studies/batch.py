@@ -32,7 +32,7 @@ import numpy as np
 from handfast.core import parallel
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
 from handfast.stability.answers import MaxAnswer, check, torques
@@ -68,6 +68,9 @@ class BatchOptions:
     limits: GraspLimits = NO_LIMITS
     settings: Settings = field(default_factory=Settings)
     jobs: int | None = None
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(self)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

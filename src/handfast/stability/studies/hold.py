@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from handfast.core.answer import SearchLimits, Stop, Verdict, header
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.files import write_text
 from handfast.core.presented import Presented
 from handfast.model.grasp import Grasp
@@ -189,6 +189,9 @@ class HoldOptions:
     settings: Settings = field(default_factory=Settings)
     bounding: Settings | None = None
     timeout: float | None = None
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(self)
 
 
 @kinds_checked
