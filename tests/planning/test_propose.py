@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -244,6 +245,16 @@ def test_a_proposal_is_certified_and_its_file_gives_it_again(tmp_path: Path, fou
     data = found.to_json()
     assert data["schema"] == "handfast/proposals/1"
     assert [p["name"] for p in data["proposals"]] == [f.stem for f in files]
+
+
+def test_regions_that_no_forces_balance_are_not_tried() -> None:
+    """A centre of mass beside the object is on no line through two points of it."""
+    body = replace(load_body("slab"), center_of_mass=np.array([0.0, 0.0, 0.5]))
+    none = propose(BARRETT, None, body, "pinch", count=1)
+    assert (none.proposals, none.tried) == ((), 0)
+    assert none.tally[RejectionReason.UNBALANCED] > 0
+    assert propose(BARRETT, None, body, "pinch", count=1, unbalanced=True).tried > 0
+    assert propose(BARRETT, None, replace(body, mass=None), "pinch", count=1).tried > 0
 
 
 def test_bad_requests() -> None:

@@ -42,6 +42,8 @@ class Propose(Command):
     """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
     scale: Annotated[float, arg(metavar="M")] = 1.0
     """metres per unit of a mesh file"""
+    unbalanced: bool = False
+    """try regions, too, where no contact forces balance the object's weight from all six sides"""
     seed: Annotated[int, arg(metavar="S")] = 0
     """of everything that is drawn: the same seed gives the same proposals"""
     timeout: Annotated[float, arg(metavar="S")] = 1.0

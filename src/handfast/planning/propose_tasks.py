@@ -27,8 +27,10 @@ from handfast.model.hand_regions import HandRegions
 from handfast.planning.candidates.region_candidates import Kind, RegionCandidate, find_candidates
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import refuse_negative, refuse_no_positive
 from handfast.planning.rejection import RejectionReason, Tally
+from handfast.stability.problem.loads import Loads
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.solution import Solution
@@ -43,6 +45,7 @@ CLEAR = -1e-3  # [m] a clearance above this: regions and patches lie this near t
 SHORT = 16  # sets of places that are looked at closely for each proposal that is asked for
 PER_PROPOSAL = 6  # candidates that are tried for each proposal that is asked for
 NEAR = 0.06, 0.5  # [m, -] such bounds about the pose at which a hand shape came near
+BALANCE_BOXES = 192  # of placements, in which it is looked whether no forces balance the loads
 ENOUGH = -3e-4  # [m] a clearance above this is not improved upon
 
 OnStep = Callable[[str], None]
@@ -58,6 +61,8 @@ class ProposeOptions:
         timeout: [s] of synthesis for each candidate.
         friction: coefficient; None for the object's.
         object: name or path of the object, for the tasks.
+        unbalanced: try regions, too, where no contact forces balance the object's weight from all six axis directions,
+            which is shown; where its mass is unknown, they are tried anyway.
 
     Raises:
         InputError: a count or a time that is not positive, a negative seed.
@@ -68,6 +73,7 @@ class ProposeOptions:
     timeout: float = 1.0
     friction: float | None = None
     object: str | None = None
+    unbalanced: bool = False
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
@@ -193,17 +199,24 @@ def propose(
     """
     o, clock = replace(options or ProposeOptions(), **changes), time.monotonic()
     regions, count = regions or regions_of(hand), o.count
-    mu = body.friction if o.friction is None else o.friction
     trial = _Trial(hand, body, o)
-    candidates, tally = find_candidates(trial.look, regions, body, kind, mu, seed=o.seed, short=SHORT * count)
-    candidates = candidates[: PER_PROPOSAL * count]
+    candidates, tally = find_candidates(
+        trial.look, regions, body, kind, trial.friction, seed=o.seed, short=SHORT * count
+    )
+    most = PER_PROPOSAL * count
     for n, candidate in enumerate(candidates):
         if sum(p.clear for p in trial.found) == count:
-            tally.add(RejectionReason.NOT_TRIED, len(candidates) - n, "enough were found before")
+            tally.add(
+                RejectionReason.NOT_TRIED, min(most - trial.tried, len(candidates) - n), "enough were found before"
+            )
+            break
+        if trial.tried == most:
             break
         trial.run(candidate)
         if on_progress:
-            on_progress(f"{n + 1} of at most {len(candidates)} candidates, {len(trial.found)} certified")
+            on_progress(
+                f"{trial.tried} of at most {min(most, len(candidates))} candidates, {len(trial.found)} certified"
+            )
     best = sorted(trial.found, key=lambda p: (not p.clear, -p.score))
     tally.add(RejectionReason.CERTIFIED_BEHIND, len(best) - min(len(best), count))
     tally.add_all(trial.tally)
@@ -217,7 +230,9 @@ class _Trial:
     """Candidates made into tasks and solved, one after the other."""
 
     def __init__(self, hand: Hand, body: Body, options: ProposeOptions) -> None:
-        self.hand, self.options = hand, options
+        self.hand, self.body, self.options = hand, body, options
+        self.loads = None if body.mass is None or options.unbalanced else Loads.gravity(body)
+        self.friction = body.friction if options.friction is None else options.friction
         self.look = QuickLook(Scene(hand, body))
         self.found: list[Proposal] = []
         self.tried, self.tally = 0, Tally()
@@ -229,6 +244,9 @@ class _Trial:
             ContactPair(r.link, r.region, p.patch) for r, p in zip(candidate.regions, candidate.places, strict=True)
         )
         task = Task.of(self.hand, pairs, object=self.options.object)
+        if self._unbalanced(task):
+            self.tally.add(RejectionReason.UNBALANCED, 1, ", ".join(names))
+            return
         self.tried += 1
         task = self._about(task, candidate.pose)
         answer = synthesize(task, seed=self.options.seed, timeout=self.options.timeout)
@@ -240,6 +258,15 @@ class _Trial:
         error = max(p.error for p in c.places)
         clearance = self.look.clearance(solution.q, solution.pose)
         self.found.append(Proposal(task, answer, names, c.score, c.margin, c.off_centre, clearance, error))
+
+    def _unbalanced(self, task: Task) -> bool:
+        """Is it shown that no contact forces balance the loads, wherever in the regions the contacts are?"""
+        if self.loads is None:
+            return False
+        center = np.asarray(self.body.center_of_mass, dtype=float)
+        search = NoBalance(task, self.loads, self.friction, center=center, seed=self.options.seed)
+        search.run(BALANCE_BOXES)
+        return search.shown
 
     def _about(self, task: Task, pose: Array) -> Task:
         """The task with bounds about the clearest of some configurations; as it is if none is found quickly.

@@ -1,0 +1,290 @@
+"""No contact forces balance the loads: what is shown, how near to the edge, and that nothing possible is lost.
+
+    python -m benchmarks.no_grasp [--part two|edges|held] [--boxes 4000] [--tasks 2000] [--print]
+
+- *two*: the bundled tasks of two contacts under weights from six sides: boxes, processor time of search and replay, the
+  least distance of the centre of mass from the line through both contacts, proved and met.
+- *edges*: tasks made impossible by less and less: bundled tasks of three and four contacts with little friction, those
+  of two with the centre of mass near the line, three contacts on a wedge. Bisection between what is shown to be
+  impossible with `--boxes` boxes, and a placement at which forces balance all loads.
+- *held*: tasks cut around contacts that hold: flat and curved regions of 2 mm about contacts of bundled grasps and of
+  random ones, loads that forces in the friction cones balance, some on the edge of a cone. None may be refuted, and
+  no box about the contacts.
+
+Writes benchmarks/results/no_grasp.json after every part and prints Markdown tables.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.machine import describe
+from handfast import Loads, Task, load_body, load_grasp, load_hand, load_task
+from handfast.core import bundled
+from handfast.core.arrays import Array
+from handfast.model.region import Bezier, Cap
+from handfast.planning.no_balance import NO_MOTION, NoBalance
+from handfast.proofs.fields import Fields
+from handfast.proofs.tasks import read_task
+from handfast.proofs.unbalanced import replay_unbalanced
+from handfast.synthesis.embedded_task import task_to_dict
+from handfast.synthesis.task import ContactPair
+
+RESULTS = Path(__file__).parent / "results" / "no_grasp.json"
+TWO = ("guitar-tuning", "scalpel-upholding", "teapot-lid-lifting")
+MORE = (
+    "scalpel-handling",
+    "scalpel-incision",
+    "teapot-service",
+    "teapot-transportation",
+    "guitar-playing",
+    "guitar-holding",
+)
+HALVINGS = 10
+HALF = 1e-3  # [m] half the side of a region about a contact
+SHARES = (0.0, 0.3, 0.9, 1.0)  # of the friction that a force uses
+
+
+def searched(task: Task, loads: Loads, friction: float, boxes: int, center: Array | None = None) -> NoBalance:
+    search = NoBalance(task, loads, friction, center=np.zeros(3) if center is None else center)
+    search.run(boxes)
+    return search
+
+
+def two(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """The bundled tasks of two contacts."""
+    rows = []
+    for name in TWO:
+        task = load_task(name)
+        body = load_body(str(task.object))
+        loads, begin = Loads.gravity(body), time.process_time()
+        search = searched(task, loads, body.friction, options.boxes, np.asarray(body.center_of_mass))
+        took, proof = time.process_time() - begin, search.searched.proof
+        begin, regions = time.process_time(), read_task(task_to_dict(task)).on_object
+        wrenches = {key: np.array(w) for key, w in loads.by_name.items()}
+        done = replay_unbalanced(
+            regions, wrenches, body.friction, body.center_of_mass, Fields(json.loads(json.dumps(proof)))
+        )
+        low, high = search.placements.root.T
+        at = low + (high - low) * np.random.default_rng(0).random((20_000, len(low)))
+        a, b = (search.placements.at(at)[0] - body.center_of_mass).swapaxes(0, 1)
+        met = np.linalg.norm(np.cross(a, b), axis=1) / np.linalg.norm(b - a, axis=1)
+        rows.append(
+            {"task": name, "shown": search.shown, "boxes": search.boxes, "search": took, "proved": done.ok}
+            | {"replay": time.process_time() - begin, "line_distance": search.line_distance, "met": float(met.min())}
+        )
+    return rows
+
+
+# --- edges --------------------------------------------------------------------------------------------
+
+
+def edge(name: str, make: Callable[[float], NoBalance], ends: tuple[float, float]) -> dict[str, Any]:
+    """Between the first number, at which it is shown, and the second, where forces balance: how near to each other."""
+    shown, possible = ends
+    boxes = None
+    at_ends = [make(x) for x in ends]
+    if not at_ends[0].shown or at_ends[1].balanced is None:
+        first, last = at_ends
+        return {
+            "task": name,
+            "shown": None,
+            "shown_at_first": first.shown,
+            "balanced_at_last": last.balanced is not None,
+        }
+    boxes, undecided = at_ends[0].boxes, []
+    for _ in range(HALVINGS):
+        x = (shown + possible) / 2
+        search = make(x)
+        if search.shown:
+            shown, boxes = x, search.boxes
+        else:
+            undecided += [] if search.balanced is not None else [x]
+            possible = x
+    balances = ends[1] if undecided else possible
+    for _ in range(HALVINGS if undecided else 0):
+        x = (undecided[-1] + balances) / 2
+        if make(x).balanced is None:
+            undecided.append(x)
+        else:
+            balances = x
+    return {"task": name, "ends": ends, "shown": shown, "balanced": balances, "boxes": boxes}
+
+
+def edges(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Tasks by what makes them impossible."""
+    for name in MORE:
+        yield edge(f"{name}: friction", by_friction(name, "all", options), (0.0, 1.5))
+        yield edge(f"{name}: friction, weight along -y", by_friction(name, "-y", options), (0.0, 1.5))
+    for name in TWO:
+        yield edge(f"{name}: way of the centre of mass to the line", by_center(name, options), (0.0, 1.0))
+    for friction in (0.1, 0.2, 0.5, 1.0, 2.0):
+        yield edge(f"three contacts on a wedge [deg], friction {friction:g}", by_angle(friction, options), (85.0, 0.0))
+
+
+def by_friction(name: str, along: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
+    """Of a bundled task under the object's weight."""
+    task = load_task(name)
+    body = load_body(str(task.object))
+    loads = Loads.gravity(body, "all" if along == "all" else [along])
+    return lambda friction: searched(task, loads, friction, options.boxes)
+
+
+def by_center(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
+    """Of a bundled task of two contacts: the share of the way to the middle of the regions."""
+    task = load_task(name)
+    body = load_body(str(task.object))
+    middle = searched(task, Loads.gravity(body), 3.0, 0).placements.at(np.full((1, 4), 0.5))[0][0].mean(axis=0)
+    own = np.asarray(body.center_of_mass)
+
+    def at(share: float) -> NoBalance:
+        there = replace(body, center_of_mass=own + share * (middle - own))
+        return searched(task, Loads.gravity(there), 3.0, options.boxes)
+
+    return at
+
+
+def by_angle(friction: float, options: argparse.Namespace) -> Callable[[float], NoBalance]:
+    """Two contacts on one side of a wedge, one on the other, a torque about the wedge's axis."""
+
+    def at(degrees: float) -> NoBalance:
+        a, pairs = np.radians(degrees), []
+        for side, z in ((1.0, 0.01), (1.0, -0.01), (-1.0, 0.0)):
+            n = np.array([side * np.cos(a), np.sin(a), 0.0])
+            pairs.append(ContactPair("index_distal", TIP, region(np.array([0.02 * side, 0.0, z]), -n, HALF)))
+        task = Task.of(load_hand("schunk-sah"), tuple(pairs))
+        return searched(task, Loads.wrench([0, 0, 0, 0, 0, 0.01]), friction, options.boxes)
+
+    return at
+
+
+TIP = Cap((0.02, 0, 0), 0.013, (0.5, 0, 0.87), 1.0)
+
+
+# --- tasks around contacts that hold --------------------------------------------------------------------
+
+
+def region(
+    point: Array, normal: Array, half: float, bent: float = 0.0, rng: np.random.Generator | None = None
+) -> Bezier:
+    """A patch through a contact in its middle, its outward normal there against the contact's."""
+    u = np.linalg.svd(normal[None])[2][1:]
+    grid = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], indexing="ij"), axis=-1)
+    height = np.zeros((3, 3))
+    if rng is not None:  # symmetric: the middle of the patch stays where it is, and its tangents too
+        a, b, c = bent * half * rng.normal(size=3)
+        height = a * (grid[..., 0] ** 2 - 0.5) + b * (grid[..., 1] ** 2 - 0.5) + c * grid[..., 0] * grid[..., 1]
+    points = point + half * (grid @ u) + height[..., None] * normal
+    out = Bezier(points, False)
+    return out if out.outward(0.5, 0.5) @ normal < 0 else Bezier(points, True)
+
+
+def known(rng: np.random.Generator) -> tuple[Array, Array, float]:
+    """Contacts of a bundled grasp, or of a random one: points, normals, friction."""
+    if rng.random() < 0.5:
+        names = bundled.names("grasps")
+        g = load_grasp(names[rng.integers(len(names))])
+        its = rng.permutation(len(g.contacts))[: rng.integers(2, 6)]
+        contacts = [g.contacts[i] for i in its]
+        return np.array([c.position for c in contacts]), np.array([c.normal for c in contacts]), contacts[0].friction
+    K = int(rng.integers(2, 5))
+    n = rng.normal(size=(K, 3))
+    return (
+        0.03 * rng.normal(size=(K, 3)),
+        n / np.linalg.norm(n, axis=1, keepdims=True),
+        float(rng.choice([0.1, 0.5, 1.0])),
+    )
+
+
+def held(options: argparse.Namespace) -> dict[str, Any]:
+    """How many tasks about contacts that hold are refuted, and how many boxes about the contacts: both 0."""
+    rng, hand = np.random.default_rng(11), load_hand("schunk-sah")
+    wrong, lost, tried, edges_, curved = 0, 0, 0, 0, 0
+    for _ in range(options.tasks):
+        p, n, mu = known(rng)
+        use, wrench = rng.choice(SHARES, size=len(p)), np.zeros(6)
+        for point, normal, share in zip(p, n, use, strict=True):
+            t = np.cross(normal, rng.normal(size=3))
+            force = rng.exponential() * (normal + mu * share * t / np.linalg.norm(t))
+            wrench -= np.r_[force, np.cross(point, force)]
+        bent = float(rng.choice([0.0, 0.3]))
+        pairs = tuple(
+            ContactPair("index_distal", TIP, region(a, b, HALF, bent, rng)) for a, b in zip(p, n, strict=True)
+        )
+        # the friction that the forces use, but for the rounding of contacts on the edge of a cone
+        search = NoBalance(Task.of(hand, pairs), Loads.wrench(wrench), mu * (1 + 1e-12), center=np.zeros(3))
+        search.looked = True  # it is to try, whatever balances
+        search._missing = lambda at: np.ones(len(at))  # type: ignore[method-assign]
+        search.run(options.held_boxes)
+        wrong += search.shown
+        middle = np.full(2 * len(p), 0.5)
+        size = 10.0 ** rng.uniform(-8, 0, size=(8, 1))
+        low, high = (middle + sign * 0.5 * size * rng.random((8, len(middle))) for sign in (-1, 1))
+        boxes = np.stack([low, high], axis=2)
+        closed, _, _ = search._examined(boxes, np.full(8, NO_MOTION))
+        lost += int((closed != NO_MOTION).sum())
+        tried, edges_, curved = tried + 1, edges_ + bool((use == 1).any()), curved + bool(bent)
+    return {
+        "tasks": tried,
+        "on_an_edge": edges_,
+        "curved": curved,
+        "refuted": wrong,
+        "boxes": 8 * tried,
+        "boxes_lost": lost,
+    }
+
+
+# --- output -------------------------------------------------------------------------------------------
+
+
+def show(results: dict[str, Any]) -> None:
+    """Markdown."""
+    if "two" in results:
+        print("| task | boxes | search [s] | replay [s] | distance proved [mm] | met [mm] |\n|---|---|---|---|---|---|")
+        for r in results["two"]:
+            near = f"{1e3 * r['line_distance']:.3g} | {1e3 * r['met']:.3g}"
+            print(f"| {r['task']} | {r['boxes']} | {r['search']:.2f} | {r['replay']:.2f} | {near} |")
+    if "edges" in results:
+        print("\n| task | shown at | forces balance at | boxes |\n|---|---|---|---|")
+        for r in results["edges"]:
+            if r["shown"] is None:
+                first = "shown" if r["shown_at_first"] else "not shown"
+                last = "met" if r["balanced_at_last"] else "not met"
+                print(f"| {r['task']} | {first} at the first end | {last} at the last | |")
+            else:
+                print(f"| {r['task']} | {r['shown']:.4g} | {r['balanced']:.4g} | {r['boxes']} |")
+    if "held" in results:
+        print("\n" + ", ".join(f"{key} {value}" for key, value in results["held"].items()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--part", choices=("two", "edges", "held"))
+    parser.add_argument("--boxes", type=int, default=4000)
+    parser.add_argument("--tasks", type=int, default=2000)
+    parser.add_argument("--held-boxes", type=int, default=64)
+    parser.add_argument("--print", action="store_true", dest="only_print")
+    options = parser.parse_args()
+    results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    parts = {"two": two, "edges": lambda o: list(edges(o)), "held": held}
+    for name, part in parts.items():
+        if not options.only_print and options.part in (None, name):
+            results |= {
+                name: part(options),
+                "machine": describe(),
+                "asked": {"boxes": options.boxes, "held_boxes": options.held_boxes},
+            }
+            RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
+    show(results)
+
+
+if __name__ == "__main__":
+    main()
