@@ -24,7 +24,7 @@ VERDICT = [
 FOUND = [
     ("in", "task file: hand, regions", "synthesis/task_file.py"),
     ("in", "Task: contact pairs, bounds", "synthesis/task.py"),
-    ("ours", "TaskProblem: minimal\ncoordinates", "synthesis/task_problem.py\nsynthesis/flat.py"),
+    ("ours", "TaskProblem: minimal\ncoordinates", "synthesis/task_problem.py"),
     ("ours", "random starts,\nGauss-Newton", "search/starts.py\nkernel/local_search.py"),
     ("ours", "Krawczyk test in balls", "search/kernel/krawczyk.py"),
     ("ours", "or every box discarded", "search/prover.py\nsearch/boxes.py"),

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from handfast.measures.measuring import measure_columns as measure_columns
     from handfast.model.body import Body as Body
     from handfast.model.configuration import Configuration as Configuration
+    from handfast.model.cylinder_side import ConeSide as ConeSide
     from handfast.model.cylinder_side import CylinderSide as CylinderSide
     from handfast.model.grasp import Contact as Contact
     from handfast.model.grasp import Grasp as Grasp
@@ -125,6 +126,7 @@ _HOME = {
     "Mechanism": "model.mechanism",
     "Bezier": "model.region",
     "Cap": "model.region",
+    "ConeSide": "model.cylinder_side",
     "CylinderSide": "model.cylinder_side",
     "label_dataset": "datasets.labels.label_dataset",
     "load_labels": "datasets.labels.label_files",

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handfast.model.cylinder_side import CylinderSide
+from handfast.model.cylinder_side import CylinderSide, Side
 from handfast.proofs.intervals import Interval
 from tests.support.contact_equations import contact_equations
 from tests.support.planted_proofs import (
@@ -65,10 +65,10 @@ def test_equations_and_derivatives_are_those_of_other_formulas(seed: int) -> Non
 
 
 def first(seed: int, on: str) -> tuple[PlantedProof, int]:
-    """A case, and its first contact with the side of a cylinder on the hand or on the object."""
+    """A case, and its first contact with the side of a cylinder or cone on the hand or on the object."""
     planted = case(seed)
     pairs = planted.task.contact_pairs
-    return planted, next(k for k, pair in enumerate(pairs) if isinstance(getattr(pair, on), CylinderSide))
+    return planted, next(k for k, pair in enumerate(pairs) if isinstance(getattr(pair, on), Side))
 
 
 @pytest.mark.parametrize("on", ["hand", "object"])
@@ -82,7 +82,10 @@ def test_forged_ones_are_refused(seed: int, on: str) -> None:
         return reshaped(planted.task, k, **{on: numbers})
 
     misses = r"a Newton step moves|contracts by|are not opposite"
-    refused(with_other(radius=side.radius * 1.001), proof, misses)
+    larger = (
+        {"radius": side.radius * 1.001} if isinstance(side, CylinderSide) else {"radii": 1.001 * np.array(side.radii)}
+    )
+    refused(with_other(**larger), proof, misses)
     refused(with_other(center=side.center + 1e-5), proof, misses)
     refused(with_other(flip=not side.flip), proof, misses)
     turned = tuple(angle + 1e-3 for angle in side.angles)

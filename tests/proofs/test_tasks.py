@@ -80,8 +80,19 @@ FAULTS: list[tuple[Callable[[Data], object], str]] = [
     (put("contacts", to=[]), "task.contacts: has 0 entries; 1 to 1000 are possible"),
     (put(*CONTACT, "link", to="tail"), "task.contacts[0].link: has unknown link 'tail'; known are palm, "),
     (put(*CONTACT, "note", to=1), "task.contacts[0].note: is not a known field"),
-    (put(*CONTACT, "hand", to={}), "task.contacts[0].hand: exactly one of bezier, cap, cylinder_side is needed"),
+    (
+        put(*CONTACT, "hand", to={}),
+        "task.contacts[0].hand: exactly one of bezier, cap, cylinder_side, cone_side is needed",
+    ),
     (put(*CONTACT, "hand", "bezier", to=[]), "task.contacts[0].hand: exactly one of "),
+    (
+        put(
+            *CONTACT,
+            "hand",
+            to={"cone_side": {**{key: [0, 0, 1] for key in ("center", "axis", "x_axis")}, "radii": [1, 0]}},
+        ),
+        "task.contacts[0].hand.cone_side.radii: has 0; radii are positive",
+    ),
     (put(*CONTACT, "hand", "cap", "radius", to=0.0), "task.contacts[0].hand.cap.radius: is 0; it must be positive"),
     (put(*CONTACT, "hand", "cap", "radius", to=-1.0), "task.contacts[0].hand.cap.radius: is -1; it must be positive"),
     (put(*CONTACT, "hand", "cap", "half_angle", to=0.0), "task.contacts[0].hand.cap.half_angle: is 0; it must be pos"),

@@ -124,7 +124,7 @@ def file_with(tmp_path: Path, **changes: Any) -> Path:
         ({"region": None}, r"regions\.thumb_tip\.region: is missing"),
         ({"role": "nail"}, r"regions\.thumb_tip\.role: input should be 'tip', 'pad' or 'palm'"),
         ({"colour": "red"}, r"regions\.thumb_tip\.colour: is not a known field; leave it out"),
-        ({"region": {}}, r"regions\.thumb_tip\.region: exactly one of bezier, cap, cylinder_side is needed"),
+        ({"region": {}}, r"regions\.thumb_tip\.region: exactly one of bezier, cap, cylinder_side, cone_side is needed"),
         ({"region": {"cap": CAP["cap"] | {"radius": -1.0}}}, r"region\.cap\.radius: is -1; it must be positive"),
         ({"error": -1.0}, r"error: input should be greater than or equal to 0"),
     ],

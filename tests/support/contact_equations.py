@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.cylinder_side import CylinderSide
+from handfast.model.cylinder_side import Side
 from handfast.model.hand import Hand
 from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.task import Task
@@ -83,7 +83,7 @@ def surface_at(region: Region, s: Array, t: Array) -> tuple[Array, Array, list[A
     """Point, outward unit normal and two tangents."""
     if isinstance(region, Bezier):
         return patch_at(region.points, region.sign, s, t)
-    if isinstance(region, CylinderSide):
+    if isinstance(region, Side):
         return side_at(region, s, t)
     axis = _normalised(region.axis + 0 * s[:, None])
     e1 = region.frame[:, 0] + 0 * s[:, None]
@@ -95,7 +95,7 @@ def surface_at(region: Region, s: Array, t: Array) -> tuple[Array, Array, list[A
     return region.center + region.radius * direction, region.sign * direction, tangents
 
 
-def side_at(side: CylinderSide, s: Array, t: Array) -> tuple[Array, Array, list[Array]]:
+def side_at(side: Side, s: Array, t: Array) -> tuple[Array, Array, list[Array]]:
     axis = _normalised(side.axis + 0 * s[:, None])
     e1 = side.x_axis + 0 * s[:, None]
     e1 = _normalised(e1 - _times(axis, (axis * e1).sum(axis=-1)))
@@ -103,8 +103,10 @@ def side_at(side: CylinderSide, s: Array, t: Array) -> tuple[Array, Array, list[
     angle, height = first * (1 - s) + last * s, low * (1 - t) + high * t
     around = _times(_product(axis, e1), np.sin(angle))
     out = _times(e1, np.cos(angle)) + around
-    foot = side.center + _times(axis, height)
-    return foot + side.radius * out, side.sign * out, [_product(axis, out), axis]
+    foot, (start, end) = side.center + _times(axis, height), side.radii
+    up = (high - low) * axis + (end - start) * out
+    normal = _normalised((high - low) * out - (end - start) * axis)
+    return foot + _times(out, start * (1 - t) + end * t), side.sign * normal, [_product(axis, out), up]
 
 
 def patch_at(points: Array, sign: float, s: Array, t: Array) -> tuple[Array, Array, list[Array]]:

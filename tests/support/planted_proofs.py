@@ -15,7 +15,7 @@ import scipy.linalg
 from scipy.spatial.transform import Rotation
 
 from handfast.core.arrays import Array
-from handfast.model.cylinder_side import CylinderSide
+from handfast.model.cylinder_side import ConeSide, CylinderSide
 from handfast.model.hand import Coupling, Hand, Joint, Link
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
@@ -158,14 +158,21 @@ def surface_through(kind: str, x: Array, n: Array, rng: np.random.Generator) -> 
 
 
 def _side_through(x: Array, out: Array, flip: bool, rng: np.random.Generator) -> tuple[Region, tuple[float, float]]:
-    """Part of a cylinder's side through x, from whose axis it lies in the direction `out`."""
+    """Part of a cylinder's or a cone's side through x, whose normal there is `out`, away from the axis."""
     axis, radius, (u, v) = _across(out, rng), rng.uniform(0.005, 0.03), rng.uniform(0.15, 0.85, size=2)
     turn, length, first, lowest = rng.uniform(0.5, 6.2), rng.uniform(0.01, 0.05), *rng.uniform(-3, 3, size=2)
     zero = Rotation.from_rotvec(-(first + u * turn) * axis).apply(out)
     lowest *= 0.01
-    center = x - radius * out - (lowest + v * length) * axis
-    side = CylinderSide(center, radius, axis, zero, (first, first + turn), (lowest, lowest + length), flip)
-    return side, (float(u), float(v))
+    center, ranges = x - radius * out - (lowest + v * length) * axis, ((first, first + turn), (lowest, lowest + length))
+    if first < 0:
+        return CylinderSide(center, radius, axis, zero, *ranges, flip), (float(u), float(v))
+    grows = radius * np.sin(first)  # of any sign, and less than the radius
+    tilt = np.arctan2(grows, length)
+    side = np.cross(out, axis)
+    axis, away = (Rotation.from_rotvec(tilt * side).apply(w) for w in (axis, out))
+    zero = Rotation.from_rotvec(-(first + u * turn) * axis).apply(away)
+    center = x - radius * away - (lowest + v * length) * axis
+    return ConeSide(center, (radius - v * grows, radius + (1 - v) * grows), axis, zero, *ranges, flip), (u, v)
 
 
 def _direction(rng: np.random.Generator) -> Array:

@@ -159,12 +159,12 @@ def test_hand_and_object_lie_beside_the_file(tmp_path: Path) -> None:
         (
             "contacts.0.object.region",
             {},
-            r"contacts\[0\].object.region: exactly one of bezier, cap, cylinder_side is needed",
+            r"contacts\[0\].object.region: exactly one of bezier, cap, cylinder_side, cone_side is needed",
         ),
         (
             "contacts.0.object.region.cap",
             CAP,
-            r"contacts\[0\].object.region: exactly one of bezier, cap, cylinder_side is needed",
+            r"contacts\[0\].object.region: exactly one of bezier, cap, cylinder_side, cone_side is needed",
         ),
         (
             "contacts.0.object.region.bezier",

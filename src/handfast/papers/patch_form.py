@@ -29,6 +29,7 @@ from math import comb
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.model.bernstein import evaluate, hull_box
 from handfast.model.cylinder_side import CylinderSide
 from handfast.model.region import Bezier, Cap, Region
@@ -71,7 +72,7 @@ class PatchForm:
                 return _of_cap(region, pose, unit)
             case CylinderSide():
                 return _of_cylinder_side(region, pose, unit)
-        raise TypeError(type(region))
+        raise InputError("cannot be written as the canonical system has regions; take patches", field=region.kind)
 
     def at(self, u: float, v: float, normal: Array) -> Array:
         """(3,) the point at parameters u, v, where the unit normal is `normal` (3,)."""

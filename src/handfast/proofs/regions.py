@@ -162,25 +162,30 @@ class _Caps:
 
 @dataclass(frozen=True, eq=False)
 class _CylinderSides:
-    """Sides of cylinders: rotations (P, 3, 3) with x_axis and axis as first and third column, centres, radii, signs.
+    """Sides of cylinders or cones: rotations (P, 3, 3) with x_axis and axis as first and third column, centres, signs.
 
     Attributes:
         first, turn: (P,) [rad] the first angle and how far it is to the last. lowest, length: [m] of the heights.
+        radius, growth: (P,) [m] at the lowest height, and from there to the highest.
+        across, along: (P,) what of the unit normal points away from the axis, and along it.
     """
 
     frame: Interval
     centre: Array
-    radius: Array
     sign: Array
     first: Array
     turn: Interval
     lowest: Array
     length: Interval
+    radius: Array
+    growth: Interval
+    across: Interval
+    along: Interval
 
     @classmethod
     def read(cls, f: Fields) -> dict[str, Array]:
         out = {name: f.numbers(name, (3,)) for name in ("center", "axis", "x_axis")}
-        out["radius"] = np.array(_positive(f, "radius"))
+        out |= cls.read_radii(f)
         for name in ("angles", "heights"):
             lo, hi = out[name] = f.numbers(name, (2,))
             if not lo < hi or (name == "angles" and not hi - lo <= TURN):
@@ -188,22 +193,41 @@ class _CylinderSides:
         return out
 
     @classmethod
+    def read_radii(cls, f: Fields) -> dict[str, Array]:
+        radius = _positive(f, "radius")
+        return {"radius": np.array(radius), "radii": np.array([radius, radius])}
+
+    @classmethod
     def of(cls, sides: Sequence[RegionData]) -> _CylinderSides:
         R = orthonormal(_stacked(sides, "axis"), _stacked(sides, "x_axis"))[..., [1, 2, 0]]
-        ends = [a for name in ("angles", "heights") for a in _stacked(sides, name).T]
-        ranges = ends[0], Interval.of(ends[1]) - ends[0], ends[2], Interval.of(ends[3]) - ends[2]
-        return cls(R, _stacked(sides, "center"), _stacked(sides, "radius")[:, None], _signs(sides), *ranges)
+        ends = [_stacked(sides, name).T for name in ("angles", "heights", "radii")]
+        (first, turn), (lowest, length), (radius, growth) = ((lo, Interval.of(hi) - lo) for lo, hi in ends)
+        normal = unit(join([length[..., None], -growth[..., None]], -1))
+        ranges = first, turn, lowest, length, radius, growth, normal[..., 0], normal[..., 1]
+        return cls(R, _stacked(sides, "center"), _signs(sides), *ranges)
 
     def at(self, parameters: Interval) -> Surface:
         u, v = _variables(parameters)
-        angle, height = u * self.turn + self.first, v * self.length + self.lowest
+        angle, height, radius = u * self.turn + self.first, v * self.length + self.lowest, v * self.growth + self.radius
         sine, cosine = sin(angle), cos(angle)
         zero = 0.0 * sine
-        local = [(cosine, sine, zero), (-sine, cosine, zero), (zero, zero, height), (zero, zero, zero + 1.0)]
+        local = [
+            (radius * cosine, radius * sine, height),
+            (cosine * self.across, sine * self.across, zero + self.along),
+            (-sine, cosine, zero),
+            (zero - cosine * self.along, zero - sine * self.along, zero + self.across),
+        ]
         turned = self.frame @ columns([join([a[..., None] for a in w], -1) for w in local])
-        direction = turned[..., 0]
-        point = direction * self.radius + turned[..., 2] + self.centre
-        return Surface(point, direction * self.sign, turned[..., 1], turned[..., 3])
+        return Surface(turned[..., 0] + self.centre, turned[..., 1] * self.sign, turned[..., 2], turned[..., 3])
+
+
+class _ConeSides(_CylinderSides):
+    @classmethod
+    def read_radii(cls, f: Fields) -> dict[str, Array]:
+        radii = f.numbers("radii", (2,))
+        if not radii.min() > 0:
+            raise BadFile(f"has {radii.min():g}; radii are positive", f.at("radii"))
+        return {"radii": radii}
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,6 +298,7 @@ SURFACES: Mapping[str, type[_Patches | _Caps | _CylinderSides]] = {
     "bezier": _Patches,
     "cap": _Caps,
     "cylinder_side": _CylinderSides,
+    "cone_side": _ConeSides,
 }
 
 

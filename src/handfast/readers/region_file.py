@@ -18,14 +18,14 @@ from handfast.core import bundled
 from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, Vector, read_json, validate, write_text
-from handfast.model.cylinder_side import CylinderSide
+from handfast.model.cylinder_side import ConeSide, CylinderSide
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegion, HandRegions, Role
 from handfast.model.region import Bezier, Cap, Region
 from handfast.readers.load_hand import bundled_hands, load_hand
 
 # each has a field in `RegionEntry`
-KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap, CylinderSide)}
+KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap, CylinderSide, ConeSide)}
 
 
 class RegionEntry(Strict):
@@ -34,6 +34,7 @@ class RegionEntry(Strict):
     bezier: list[list[Vector]] | None = None
     cap: dict[str, Any] | None = None
     cylinder_side: dict[str, Any] | None = None
+    cone_side: dict[str, Any] | None = None
     flip: bool = False
 
     @field_validator("bezier")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from handfast.core.groups import RealArrays4, RealMatrices, RealMatrix, Reals, WholeMatrix, Wholes
 
-CAP, PATCH, CYLINDER = 0, 1, 2  # kinds of regions
+CAP, PATCH, SIDE = 0, 1, 2  # kinds of regions
 REVOLUTE, PRISMATIC = 0, 1  # kinds of joints
 POSE = 7  # coordinates of the object's pose, the last before the region parameters
 QUATERNION = 4  # of these that turn it, the last
@@ -42,7 +42,7 @@ class Regions(NamedTuple):
     degree: WholeMatrix  # (2b, 2) of each patch
     first: Wholes  # (2b,) its first control point in `points`
     points: RealMatrix  # (., 3) [unit] control points of all patches
-    numbers: RealMatrix  # (2b, 16) of each surface that is no patch, as `flat.py` lists them
+    numbers: RealMatrix  # (2b, 19) of each surface that is no patch, as `task_problem.py` lists them
     face: Reals  # (2b,) 1, or -1 if the surface's normals are reversed
 
 

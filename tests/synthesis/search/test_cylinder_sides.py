@@ -1,4 +1,4 @@
-"""Sides of cylinders in the compiled formulas: values, derivatives, remainders; and nothing lost around a solution."""
+"""Sides of cylinders and cones in the compiled formulas: values, derivatives, remainders; nothing is lost."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handfast.model.cylinder_side import CylinderSide
+from handfast.model.cylinder_side import ConeSide, CylinderSide
 from handfast.model.region import Cap
 from handfast.synthesis.search.prover import Prover
 from handfast.synthesis.task_problem import TaskProblem
@@ -29,6 +29,9 @@ def sides(seed: int) -> Planted:
         parts.append((name, f"near_{name}", pose(np.array([0.05, 0, 0])), [joint(f"{name}2", Y, -0.3, 0.9)]))
     shaft = CylinderSide(0.01 * Z, 0.008, X, Y + 0.2 * X, (-1.0, 1.5), (0.0, 0.03))
     hollow = CylinderSide(0.01 * X, 0.05, Y, Z, (0.5, 6.0), (-0.04, -0.01), flip=True)
+    if seed % 2:
+        shaft = ConeSide(0.01 * Z, (0.009, 0.006), X, Y + 0.2 * X, (-1.0, 1.5), (0.0, 0.03))
+        hollow = ConeSide(0.01 * X, (0.04, 0.06), Y, Z, (0.5, 6.0), (-0.04, -0.01), flip=True)
     cap = Cap([0.01, 0.002, 0], 0.012, [1, 0, 0.2], 1.2)
     return plant(chain(*parts), [("a", shaft, bump(rng, (3, 2))), ("b", shaft, hollow), ("c", cap, hollow)], rng)
 

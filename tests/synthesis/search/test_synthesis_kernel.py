@@ -19,7 +19,7 @@ from handfast.synthesis.search.kernel.contact_equations import evaluate
 from handfast.synthesis.search.kernel.krawczyk import certify
 from handfast.synthesis.search.kernel.taylor import element
 from handfast.synthesis.search.prover import Prover
-from handfast.synthesis.search.workspace import Interior, LocalWork, SetQuestion, local_work, set_work
+from handfast.synthesis.search.workspace import Interior, LocalWork, SetQuestion, SetWork, local_work, set_work
 from handfast.synthesis.task import PoseBounds
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.planted import Planted, bump, chain, joint, plant, pose, turn
@@ -28,18 +28,18 @@ X, Y, Z = np.eye(3)
 
 
 @njit
-def _evaluate(x, chains, regions, coordinates, values, contact):
-    evaluate(x, chains, regions, coordinates, values, contact)
+def _evaluate(x, task, values, contact):
+    evaluate(x, task, values, contact)
 
 
 @njit
-def _element(k, box, chains, regions, coordinates, derivative_bounds, polynomials, work):
-    element(k, 0, box, chains, regions, coordinates, derivative_bounds, polynomials, work)
+def _element(k, task, derivative_bounds, work):
+    element(k, 0, task, derivative_bounds, work)
 
 
 @njit
-def _certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii):
-    return certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii)
+def _certify(x, task, bounds, work, chosen, radii):
+    return certify(x, task, bounds, work, chosen, radii)
 
 
 @njit
@@ -94,7 +94,7 @@ def coordinates(p: Planted, problem: TaskProblem) -> np.ndarray:
 
 def at(problem: TaskProblem, x: np.ndarray, radius: np.ndarray | float = 0.0) -> tuple[np.ndarray, ...]:
     work = LocalWork(*(Block(x).arrays() for x in local_work(problem.flat, problem.equations)))
-    _evaluate(np.column_stack([x, np.zeros(problem.n) + radius]), *problem.flat, work.here, work.contact)
+    _evaluate(np.column_stack([x, np.zeros(problem.n) + radius]), problem.flat, work.here, work.contact)
     return tuple(array.copy() for array in work.here)
 
 
@@ -173,9 +173,10 @@ def test_operations_on_balls_are_rigorous(a: float, ra: float, b: float, rb: flo
 def polynomials(k: int, x: np.ndarray, half: np.ndarray, problem: TaskProblem, bounds: np.ndarray) -> tuple:
     """Value (4, 3), derivatives (4, n, 3) and remainders (4,) of contact k about x."""
     question = SetQuestion(np.array([k]), np.arange(problem.n), bounds, np.zeros((0, 5)))
-    box, out, work, _, _ = (Block(x).arrays() for x in set_work(problem.flat, question))
-    box.middle[:], box.half[:] = x, half
-    _element(k, box, *problem.flat, bounds, out, work)
+    work = SetWork(*(Block(x).arrays() for x in set_work(problem.flat, question)))
+    work.box.middle[:], work.box.half[:] = x, half
+    _element(k, problem.flat, bounds, work)
+    out = work.polynomials
     return out.value[0].copy(), out.slope[0].copy(), out.remainder[0].copy()
 
 
@@ -208,7 +209,7 @@ def certified(problem: TaskProblem, x: np.ndarray, lower: np.ndarray | None = No
     bounds = Interior(limits.lower if lower is None else lower, limits.upper if upper is None else upper)
     work = LocalWork(*(Block(x).arrays() for x in local_work(flat, e)))
     balls = np.column_stack([x, 0 * x])
-    proved = _certify(balls, *flat, bounds, work.here, work.there, work.contact, work.proof, chosen, radii)
+    proved = _certify(balls, flat, bounds, work, chosen, radii)
     return (chosen, radii) if proved else None
 
 

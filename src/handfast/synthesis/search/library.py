@@ -11,15 +11,15 @@ from handfast.synthesis.task_groups import Chains, Coordinates, Regions
 HERE = Path(__file__).parent
 KERNELS = "handfast.synthesis.search.kernel"
 TASK = (Chains, Regions, Coordinates)
-LOCAL = (w.SystemValues, w.SystemValues, w.ContactBalls, w.StepWork, w.ProofWork)
+LOCAL = (w.SystemValues, w.SystemValues, w.ContactBalls, w.StepWork, w.ProofWork, w.StartWork)
 TAYLOR = (w.CenteredBox, w.Polynomials, w.TaylorWork)
 
 LIBRARY = Library(
     name="synthesis",
     module=__name__,
     entries={
-        "find": EntryPoint(f"{KERNELS}.local_search", (*TASK, w.Draws, *LOCAL, w.StartWork, w.Found, int)),
-        "walk": EntryPoint(f"{KERNELS}.walk", (*TASK, w.Departures, *LOCAL, w.Found)),
+        "find": EntryPoint(f"{KERNELS}.local_search", (*TASK, w.Draws, *LOCAL, w.Found, int)),
+        "walk": EntryPoint(f"{KERNELS}.local_search", (*TASK, w.Departures, *LOCAL, w.Found)),
         "explore_set": EntryPoint(
             f"{KERNELS}.set_search", (*TASK, w.Stack, w.SetQuestion, *TAYLOR, w.LineWork, w.Terms, int, float)
         ),

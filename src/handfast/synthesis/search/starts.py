@@ -161,7 +161,7 @@ class Walks:
         """
         p = self.problem
         departures = Departures(begin, directions, lengths, self.weight, *interior(p.flat))
-        task, work = map(table, p.flat), [Block(x) for x in local_work(p.flat, p.equations)[:-1]]
+        task, work = map(table, p.flat), [Block(x) for x in local_work(p.flat, p.equations)]
         block = Block(found(p.n, p.equations, len(begin)))
         LIBRARY.functions.walk(*task, table(departures), *(b.table for b in work), block.table)
         out = block.arrays()

@@ -70,7 +70,7 @@ class SystemValues(NamedTuple):
 
 
 class ContactBalls(NamedTuple):
-    """One contact while its equations are evaluated: balls. Surfaces have nine rows, see `ball_kinematics.surface`."""
+    """One contact while its equations are evaluated: balls. Surfaces have nine rows, see `kinematics.surface`."""
 
     object_rotation: RealArrays4  # (5, 3, 3, 2) of the object, and its derivatives by the quaternion
     link_rotation: RealMatrices  # (3, 3, 2) of the contact's link in the palm
@@ -225,12 +225,17 @@ class Polynomials(NamedTuple):
 class TaylorWork(NamedTuple):
     """What `taylor.element` works in."""
 
-    pose: RealMatrices  # (2, 3, 4) of the contact's link in the palm; and work
+    link_rotation: RealMatrix  # (3, 3) of the contact's link in the palm
+    link_position: Reals  # (3,)
+    next_rotation: RealMatrix  # (3, 3) the same behind the next joint
+    next_position: Reals  # (3,)
     joint_axis: RealMatrix  # (k+1, 3) unit vectors in the palm
     joint_point: RealMatrix  # (k+1, 3) on the axes
-    object_surface: RealMatrix  # (9, 3), see `taylor.surface`
+    object_surface: RealMatrix  # (9, 3), see `kinematics.surface`
     hand_surface: RealMatrix  # (9, 3)
-    weights: RealMatrices  # (2, 4, d+1) of the control points, in both parameters
+    raw_normal: RealMatrix  # (3, 3) the normal, not normalised, and parts of its derivatives
+    weights: RealMatrices  # (2, 3, d+1) of the control points for the value and two derivatives, in both parameters
+    lower_weights: Reals  # (d+1,) of a lower degree
     largest: Reals  # (10,) bounds of a surface's derivatives over a box
 
 
@@ -263,6 +268,16 @@ class Terms(NamedTuple):
 
     value: RealMatrix  # (16, 3) in the middle, remainder, how far it strays
     slope: RealMatrix  # (16, n)
+
+
+class SetWork(NamedTuple):
+    """Workspace of `set_search.explore_set`."""
+
+    box: CenteredBox
+    polynomials: Polynomials
+    taylor: TaylorWork
+    line: LineWork
+    terms: Terms
 
 
 class PoseQuestion(NamedTuple):
@@ -315,7 +330,7 @@ def stack(n: int, deepest: int, kept: int) -> Layout[Stack]:
 
 
 def set_work(flat: Flat, question: SetQuestion) -> tuple[Layout[Any], ...]:
-    """What `set_search.explore_set` works in."""
+    """A `SetWork`, one layout a field."""
     n, many = len(flat.coordinates.lower), len(question.contacts) + len(question.cones)
     line = {"line": (2, 3), "slope": (2, n, 3), "gradient": (n,), "unit": (2, 3), "unit_slope": (2, n, 3)}
     line |= {"unit_bound": (2, 2), "across": (4, 3), "arcs": (many, 5)}
@@ -335,8 +350,10 @@ def pose_work(flat: Flat, deepest: int) -> tuple[Layout[Any], ...]:
 def _taylor(flat: Flat, many: int) -> tuple[Layout[Any], ...]:
     n, joints, weights = len(flat.coordinates.lower), flat.chains.kind.shape[1] + 1, _degree(flat) + 1
     polynomials = {"value": (many, 4, 3), "slope": (many, 4, n, 3), "remainder": (many, 4), "swing": (many, 4)}
-    work = {"pose": (2, 3, 4), "joint_axis": (joints, 3), "joint_point": (joints, 3), "object_surface": (9, 3)}
-    work |= {"hand_surface": (9, 3), "weights": (2, 4, weights), "largest": (10,)}
+    work: dict[str, tuple[int, ...]] = dict.fromkeys(("link_rotation", "next_rotation", "raw_normal"), (3, 3))
+    work |= {"link_position": (3,), "next_position": (3,), "joint_axis": (joints, 3), "joint_point": (joints, 3)}
+    work |= {"object_surface": (9, 3), "hand_surface": (9, 3), "largest": (10,)}
+    work |= {"weights": (2, 3, weights), "lower_weights": (weights,)}
     return (
         Layout(CenteredBox, dict.fromkeys(CenteredBox._fields, (n,))),
         Layout(Polynomials, polynomials | {"tolerance": (many,)}),

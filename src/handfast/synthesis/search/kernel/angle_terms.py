@@ -108,8 +108,10 @@ def triple(slot, a, b, c, half, use, terms):
 
 
 @inner
-def _combine(slot, f, x, y, g, z, constant, half, use, terms):
-    """Slot = f (x y) + g z + constant, of slots x, y, z; z may be -1."""
+def _combine(slot, term, other, constant, half, use, terms):
+    """Slot = f (x y) + g z + constant, term: (f, x, y), other: (g, z), of slots x, y, z; z may be -1."""
+    f, x, y = term
+    g, z = other
     value, slope = terms.value, terms.slope
     for i in use:
         total = f * (value[x, 0] * slope[y, i] + value[y, 0] * slope[x, i])
@@ -197,16 +199,16 @@ def twist(tolerance_i, tolerance_j, box, use, terms):
     n0 = np.sqrt(n2)
     f = 1 / (2 * n0)
     half = box.half
-    _combine(8, -1.0, ai, aj, 1.0, I_J, 0.0, half, use, terms)
-    _combine(9, -1.0, oi, oj, 1.0, I_J + OBJECT, 0.0, half, use, terms)
-    _combine(10, 1.0, 8, 9, 0.0, -1, 0.0, half, use, terms)
-    _combine(10, 1.0, TRIPLE, TRIPLE + OBJECT, 1.0, 10, 0.0, half, use, terms)
-    _combine(11, -1.0, ai, ai, 0.0, -1, 1.0, half, use, terms)
-    _combine(12, -1.0, oi, oi, 0.0, -1, 1.0, half, use, terms)
-    _combine(13, f * w * w, 11, 12, 2 * f * w * v, 10, 0.5 * n0, half, use, terms)
-    _combine(11, -1.0, aj, aj, 0.0, -1, 1.0, half, use, terms)
-    _combine(12, -1.0, oj, oj, 0.0, -1, 1.0, half, use, terms)
-    _combine(14, f * v * v, 11, 12, 1.0, 13, 0.0, half, use, terms)
-    _combine(13, w, ai, oi, 1.0, 14, 0.0, half, use, terms)
-    _combine(14, v, aj, oj, 1.0, 13, -w * np.cos(tolerance_i) - v * np.cos(tolerance_j), half, use, terms)
+    _combine(8, (-1.0, ai, aj), (1.0, I_J), 0.0, half, use, terms)
+    _combine(9, (-1.0, oi, oj), (1.0, I_J + OBJECT), 0.0, half, use, terms)
+    _combine(10, (1.0, 8, 9), (0.0, -1), 0.0, half, use, terms)
+    _combine(10, (1.0, TRIPLE, TRIPLE + OBJECT), (1.0, 10), 0.0, half, use, terms)
+    _combine(11, (-1.0, ai, ai), (0.0, -1), 1.0, half, use, terms)
+    _combine(12, (-1.0, oi, oi), (0.0, -1), 1.0, half, use, terms)
+    _combine(13, (f * w * w, 11, 12), (2 * f * w * v, 10), 0.5 * n0, half, use, terms)
+    _combine(11, (-1.0, aj, aj), (0.0, -1), 1.0, half, use, terms)
+    _combine(12, (-1.0, oj, oj), (0.0, -1), 1.0, half, use, terms)
+    _combine(14, (f * v * v, 11, 12), (1.0, 13), 0.0, half, use, terms)
+    _combine(13, (w, ai, oi), (1.0, 14), 0.0, half, use, terms)
+    _combine(14, (v, aj, oj), (1.0, 13), -w * np.cos(tolerance_i) - v * np.cos(tolerance_j), half, use, terms)
     return narrow(value[14, 0], terms.slope[14], -np.inf, value[14, 1], box, use)

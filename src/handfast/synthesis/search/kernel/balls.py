@@ -3,7 +3,7 @@
 Middles are computed in plain floating point; radii bound what that rounds, and are themselves rounded up by
 `UP`, which exceeds the rounding of the few operations between two uses of it. Sines and cosines are taken
 to be within two units in the last place of the true ones. With radii of zero on entry the middles are the
-ordinary floating-point results, so that searches and proofs share one set of formulas.
+ordinary floating-point results. `reals.py` has the same operations on plain numbers: `kinematics.py` is made of either.
 """
 
 from __future__ import annotations
@@ -12,10 +12,23 @@ import numpy as np
 
 from handfast.core.compiled import inner
 
+MOTION = 2e-15  # of the rigid motions between joints: rounding when they were multiplied together
 UNIT = 1.12e-16  # one rounding, relative
 UP = 1.0 + 2e-15
 TINY = 1e-290  # more than underflow can lose
 CIRCULAR = 5e-16  # error of a sine or cosine
+
+
+@inner
+def exact(x):
+    """A float as a ball."""
+    return x, 0.0
+
+
+@inner
+def rounded(x):
+    """An entry of a rigid motion as a ball."""
+    return x, MOTION
 
 
 @inner
@@ -83,6 +96,19 @@ def get(a, i):
 def put(a, i, x):
     a[i, 0] = x[0]
     a[i, 1] = x[1]
+
+
+@inner
+def moved(base, row, column):
+    """base + row . column, of a row (3, 2) and a column (3,) of a rigid motion."""
+    m, r = base
+    size = abs(m)
+    for j in range(3):
+        t = column[j]
+        m += row[j, 0] * t
+        size += abs(row[j, 0] * t)
+        r += row[j, 1] * (abs(t) + MOTION) + MOTION * abs(row[j, 0])
+    return m, r * UP + 1e-15 * size
 
 
 @inner

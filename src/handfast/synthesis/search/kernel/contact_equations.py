@@ -3,30 +3,78 @@
 from __future__ import annotations
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.ball_kinematics import NORMAL, chain, rotation, surface, turned
-from handfast.synthesis.search.kernel.balls import add, cross, dot, get, put, scale, sub, times
+from handfast.synthesis.search.kernel.balls import add, cross, div, dot, get, mul, put, scale, sub, times
+from handfast.synthesis.search.kernel.kinematics import NORMAL, OF_BALLS
 from handfast.synthesis.task_groups import CAP, POSE, PRISMATIC, QUATERNION
+
+chain, surface = OF_BALLS
 
 
 @inner
-def evaluate(x, chains, regions, coordinates, values, work):
+def rotation(x, first, out):
+    """Rotation of the unnormalised quaternion x[first:first+4] and its derivatives: out (5, 3, 3, 2)."""
+    size = (0.0, 0.0)
+    for i in range(4):
+        size = add(size, mul(get(x, first + i), get(x, first + i)))
+    inverse = div((1.0, 0.0), size)
+    w = get(x, first)
+    square = mul(w, w)
+    for i in range(3):
+        square = sub(square, mul(get(x, first + 1 + i), get(x, first + 1 + i)))
+    for i in range(3):
+        vi = get(x, first + 1 + i)
+        for j in range(3):
+            vj = get(x, first + 1 + j)
+            entry = scale(2.0, mul(vi, vj))
+            for d in range(5):
+                put(out[d, i], j, (0.0, 0.0))
+            put(out[1 + i + 1, i], j, scale(2.0, vj))
+            put(out[1 + j + 1, i], j, add(get(out[1 + j + 1, i], j), scale(2.0, vi)))
+            if i == j:
+                entry = add(entry, square)
+                put(out[1, i], j, scale(2.0, w))
+                for d in range(3):
+                    put(out[2 + d, i], j, sub(get(out[2 + d, i], j), scale(2.0, get(x, first + 1 + d))))
+            else:
+                l = 3 - i - j
+                sign = -2.0 if (i + 1) % 3 == j else 2.0
+                vl = get(x, first + 1 + l)
+                entry = add(entry, scale(sign, mul(w, vl)))
+                put(out[1, i], j, scale(sign, vl))
+                put(out[2 + l, i], j, add(get(out[2 + l, i], j), scale(sign, w)))
+            put(out[0, i], j, mul(entry, inverse))
+            for d in range(4):
+                part = scale(2.0, mul(get(x, first + d), get(out[0, i], j)))
+                put(out[1 + d, i], j, mul(sub(get(out[1 + d, i], j), part), inverse))
+
+
+@inner
+def turned(rotations, y, out, slope):
+    """R y into `out` (3, 2) and its derivatives by the quaternion into `slope` (4, 3, 2)."""
+    times(rotations[0], y, out)
+    for d in range(4):
+        times(rotations[1 + d], y, slope[d])
+
+
+@inner
+def evaluate(x, task, values, work):
     """Equations, inequalities and their derivatives at x (n, 2), a point or a box, into `values`.
 
     work: `ContactBalls`.
     """
     values.equation_slope[:, :, :] = 0.0
     values.inequality_slope[:, :, :] = 0.0
-    rotation(x, coordinates.parameter[0] - QUATERNION, work.object_rotation)
-    for k in range(chains.joints.shape[0]):
-        chain(k, x, chains, work)
-        _bodies(k, x, regions, coordinates, work)
-        _points(k, x, chains, regions, coordinates, values, work)
-        if regions.hand[k] == CAP:
-            _within_cone(k, chains, regions, coordinates, values, work)
+    rotation(x, task.coordinates.parameter[0] - QUATERNION, work.object_rotation)
+    for k in range(task.chains.joints.shape[0]):
+        chain(k, x, task.chains, work)
+        _bodies(k, x, task.regions, task.coordinates, work)
+        _points(k, x, task, values, work)
+        if task.regions.hand[k] == CAP:
+            _within_cone(k, task, values, work)
         else:
-            _opposed(k, chains, coordinates, values, work)
-            _tangent(k, chains, coordinates, values, work)
-    _axes(chains.joints.shape[0], coordinates, values, work)
+            _opposed(k, task.chains, task.coordinates, values, work)
+            _tangent(k, task.chains, task.coordinates, values, work)
+    _axes(task.chains.joints.shape[0], task.coordinates, values, work)
 
 
 @inner
@@ -53,12 +101,12 @@ def _bodies(k, x, regions, coordinates, work):
 
 
 @inner
-def _points(k, x, chains, regions, coordinates, values, work):
+def _points(k, x, task, values, work):
     """The three equations of coinciding points."""
-    row, first = coordinates.row[k], coordinates.parameter[k]
-    quaternion, position = coordinates.parameter[0] - QUATERNION, coordinates.parameter[0] - POSE
+    row, first = task.coordinates.row[k], task.coordinates.parameter[k]
+    quaternion, position = task.coordinates.parameter[0] - QUATERNION, task.coordinates.parameter[0] - POSE
     slope, tangent, velocity = values.equation_slope, work.tangent, work.velocity
-    rolls = regions.hand[k] == CAP
+    rolls = task.regions.hand[k] == CAP
     for i in range(3):
         away = sub(sub(get(work.hand_point, i), get(x, position + i)), get(work.turned_point, i))
         put(values.equation, row + i, away)
@@ -69,7 +117,7 @@ def _points(k, x, chains, regions, coordinates, values, work):
         for i in range(3):
             put(tangent, i, get(work.object_surface[1 + way], i))
             if rolls:
-                grows = scale(regions.radius[k], get(work.object_surface[NORMAL + 1 + way], i))
+                grows = scale(task.regions.radius[k], get(work.object_surface[NORMAL + 1 + way], i))
                 put(tangent, i, add(get(tangent, i), grows))
         times(work.object_rotation[0], tangent, work.turned_tangent)
         for i in range(3):
@@ -78,9 +126,9 @@ def _points(k, x, chains, regions, coordinates, values, work):
         times(work.link_rotation, work.hand_surface[1 + way], tangent)
         for i in range(3):
             put(slope[row + i], first + 2 + way, get(tangent, i))
-    for step in range(chains.joints[k]):
-        v, ratio = chains.coordinate[k, step], chains.ratio[k, step]
-        if chains.kind[k, step] == PRISMATIC:
+    for step in range(task.chains.joints[k]):
+        v, ratio = task.chains.coordinate[k, step], task.chains.ratio[k, step]
+        if task.chains.kind[k, step] == PRISMATIC:
             for i in range(3):
                 put(velocity, i, get(work.joint_axis[step], i))
         else:
@@ -97,13 +145,13 @@ def _negative(vector, i):
 
 
 @inner
-def _within_cone(k, chains, regions, coordinates, values, work):
+def _within_cone(k, task, values, work):
     """The cosine of the angle between axis and contact, -sign a . R n, must exceed that of the cone."""
-    sign, first = regions.sign[k], coordinates.parameter[k]
+    sign, first = task.regions.sign[k], task.coordinates.parameter[k]
     slope, a = values.inequality_slope[k], work.hand_direction
     cosine = scale(-sign, dot(a, work.turned_vector))
-    put(values.inequality, k, sub(cosine, (regions.cone[k], 0.0)))
-    _along(k, slope, -sign, chains, coordinates, work)
+    put(values.inequality, k, sub(cosine, (task.regions.cone[k], 0.0)))
+    _along(k, slope, -sign, task.chains, task.coordinates, work)
     for way in range(2):
         times(work.object_rotation[0], work.object_surface[NORMAL + 1 + way], work.turned_tangent)
         put(slope, first + way, scale(-sign, dot(a, work.turned_tangent)))

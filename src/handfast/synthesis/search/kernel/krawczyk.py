@@ -22,15 +22,16 @@ ROUNDED = 1e-14  # a term: more than the rounding of the sums below, relative
 
 
 @inner
-def certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii):
-    """True if an exact solution is proved within `radii` of x (n, 2), between the bounds.
+def certify(x, task, bounds, work, chosen, radii):
+    """True if an exact solution is proved within `radii` of x (n, 2), between the bounds; work: `LocalWork`.
 
     Out: chosen (e,) dependent coordinates, radii (e,) of their box.
     """
-    e, quaternion = here.equation.shape[0], coordinates.parameter[0] - QUATERNION
+    here, there, proof = work.here, work.there, work.proof
+    e, quaternion = here.equation.shape[0], task.coordinates.parameter[0] - QUATERNION
     for i in range(x.shape[0]):
         x[i, 1] = 0.0
-    evaluate(x, chains, regions, coordinates, here, contact)
+    evaluate(x, task, here, work.contact)
     if not _dependents(x, quaternion, bounds, here.equation_slope, proof, chosen):
         return False
     for d in range(e):
@@ -47,8 +48,8 @@ def certify(x, chains, regions, coordinates, bounds, here, there, contact, proof
         for d in range(e):
             radii[d] = radius + 2 * proof.moved[d]
             proof.box[chosen[d], 1] = radii[d]
-        evaluate(proof.box, chains, regions, coordinates, there, contact)
-        if _within(proof.box, quaternion, bounds, coordinates.axes, there.inequality) and _contracts(
+        evaluate(proof.box, task, there, work.contact)
+        if _within(proof.box, quaternion, bounds, task.coordinates.axes, there.inequality) and _contracts(
             there.equation_slope, proof, chosen, radii
         ):
             return True
@@ -196,11 +197,10 @@ def _contracts(slope, proof, chosen, radii):
 
 
 @inner
-def kept(chains, regions, coordinates, here, there, contact, x, proof, out, row):
-    """Certify the middles of x (n, 2); what is proved stands in that row of `out`, a `Found`. False if it is not."""
-    proved = certify(
-        x, chains, regions, coordinates, coordinates, here, there, contact, proof, out.chosen[row], out.radii[row]
-    )
+def kept(task, work, out, row):
+    """Certify the middles of `work.step.x`; what is proved stands in that row of `out`, a `Found`. False if not."""
+    x = work.step.x
+    proved = certify(x, task, task.coordinates, work, out.chosen[row], out.radii[row])
     if proved:
         for i in range(x.shape[0]):
             out.x[row, i] = x[i, 0]

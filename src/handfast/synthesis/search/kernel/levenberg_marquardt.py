@@ -19,16 +19,17 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-15, 1e6
 
 
 @inner
-def solve(chains, regions, coordinates, interior, here, there, contact, step):
-    """Move `step.x` to a candidate; true if it is one.
+def solve(task, interior, work):
+    """Move `step.x` of a `LocalWork` to a candidate; true if it is one.
 
     Levenberg-Marquardt in the space of the rows, which are fewer than the coordinates; a coordinate at a
     bound that the step would cross is held for that step.
     """
+    here, there, contact, step = work.here, work.there, work.contact, work.step
     x, trial = step.x, step.trial
     for i in range(x.shape[0]):
         trial[i, 0], trial[i, 1] = x[i, 0], x[i, 1]
-    evaluate(x, chains, regions, coordinates, here, contact)
+    evaluate(x, task, here, contact)
     size = _squares(here)
     damping = FIRST_DAMPING
     for _ in range(ROUNDS):
@@ -36,8 +37,8 @@ def solve(chains, regions, coordinates, interior, here, there, contact, step):
             return True
         m = _rows(here, step)
         _step(m, damping, interior, step)
-        _move(coordinates.parameter[0] - QUATERNION, interior, step)
-        evaluate(trial, chains, regions, coordinates, there, contact)
+        _move(task.coordinates.parameter[0] - QUATERNION, interior, step)
+        evaluate(trial, task, there, contact)
         new = _squares(there)
         if new < size:
             for i in range(x.shape[0]):

@@ -66,7 +66,7 @@ def turn_derivatives(turn, y, sign, first, gradient):
 
 
 @inner
-def gaps(k, use, chains, regions, coordinates, question, work):
+def gaps(k, use, task, question, work):
     """Taylor polynomials of contact k about the middle of `work.box`.
 
     Into work.turned: derivatives of the gap of the points in rows 0 to 2 of the gradient, of the directions in 3 to 5;
@@ -74,8 +74,8 @@ def gaps(k, use, chains, regions, coordinates, question, work):
     """
     box, polynomials, here = work.box, work.polynomials, work.turned
     R, gradient = here.rotation, here.gradient
-    quaternion = coordinates.parameter[0] - QUATERNION
-    element(k, 0, box, chains, regions, coordinates, question.derivative_bounds, polynomials, work.taylor)
+    quaternion = task.coordinates.parameter[0] - QUATERNION
+    element(k, 0, task, question.derivative_bounds, work)
     theta, curve = turning(box, quaternion, R, here.turn)
     value, slope = polynomials.value[0], polynomials.slope[0]
     for c in range(3):

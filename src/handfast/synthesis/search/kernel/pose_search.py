@@ -47,7 +47,7 @@ from handfast.synthesis.search.kernel.taylor import (
     norm,
 )
 from handfast.synthesis.search.workspace import LEFT, NODES, SMALL, PoseWork
-from handfast.synthesis.task_groups import POSE, QUATERNION
+from handfast.synthesis.task_groups import POSE, QUATERNION, Flat
 
 FINE = 0.5  # own coordinates are split until they stray by less than this share of what the pose does
 SPIN = 0.15  # units of length that a radian of the pose counts for beside the moment arm of the contact
@@ -57,15 +57,15 @@ MOST_INNER = 3000  # boxes of an inner search, after which the contact is taken 
 
 
 @inner
-def _contact(k, bounds, use, chains, regions, coordinates, question, work):
+def _contact(k, bounds, use, task, question, work):
     """Narrow a box (n, 2) by contact k, which the coordinates `use` concern. False if nothing is left.
 
     `work` holds the polynomials afterwards.
     """
     for _ in range(LOOKS):
         center(bounds, use, work.box)
-        theta, curve = gaps(k, use, chains, regions, coordinates, question, work)
-        tolerance, position = work.polynomials.tolerance[k], coordinates.parameter[0] - POSE
+        theta, curve = gaps(k, use, task, question, work)
+        tolerance, position = work.polynomials.tolerance[k], task.coordinates.parameter[0] - POSE
         fits, points = points_meet(use, theta, curve, position, work)
         if not fits:
             return False
@@ -81,7 +81,7 @@ def _contact(k, bounds, use, chains, regions, coordinates, question, work):
 
 
 @inner
-def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):
+def _settle(k, bounds, guess, use, sway, task, question, work):
     """A guess where in a box contact k is made, by Newton steps from `guess` (n,), in and out. True: it is.
 
     The shared ones of the coordinates `use` begin in the middle. Steps are the least in units of the box, and end
@@ -97,8 +97,8 @@ def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question,
         side[i] = 0.5 * (bounds[i, 1] - bounds[i, 0])
     found = False
     for _ in range(STEPS):
-        gaps(k, use, chains, regions, coordinates, question, work)
-        rows, size = _missing(k, use, coordinates.parameter[0] - POSE, work)
+        gaps(k, use, task, question, work)
+        rows, size = _missing(k, use, task.coordinates.parameter[0] - POSE, work)
         if size <= NEAR * NEAR * sway * sway:
             found = True
             break
@@ -161,19 +161,19 @@ def _longest(bounds, use, quaternion, work):
 
 
 @inner
-def _possible(k, bounds, guess, use, chains, regions, coordinates, question, work):
+def _possible(k, bounds, guess, use, task, question, work):
     """Can contact k be made in a box of poses, as far as an inner search tells? Narrows the box.
 
     guess (n,): where its own coordinates could be last time, in and out. The shared ones of `use` are split
     by the search of the poses. Returns (that, the one of them that moves the contact most, how far, boxes examined).
     """
     own, waiting = use[question.shared :], work.inner.box
-    quaternion = coordinates.parameter[0] - QUATERNION
+    quaternion = task.coordinates.parameter[0] - QUATERNION
     count, nodes = 0, 0
     split, sway, here = -1, 0.0, bounds
     while True:
         nodes += 1
-        if _contact(k, here, use, chains, regions, coordinates, question, work):
+        if _contact(k, here, use, task, question, work):
             if nodes == 1:
                 split, sway = _longest(bounds, use[: question.shared], quaternion, work)
             worst, stray = _longest(here, own, quaternion, work)
@@ -182,7 +182,7 @@ def _possible(k, bounds, guess, use, chains, regions, coordinates, question, wor
                     guess[i] = 0.5 * (here[i, 0] + here[i, 1])
                 return True, split, sway, nodes
             if nodes == 1:
-                if _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):
+                if _settle(k, bounds, guess, use, sway, task, question, work):
                     return True, split, sway, 2
                 for i in use:
                     waiting[0, i, 0], waiting[0, i, 1] = bounds[i, 0], bounds[i, 1]
@@ -227,7 +227,7 @@ def _bounded(bounds, pose, coordinates, question, work):
 
 
 @inner
-def _examine(box, count, chains, regions, coordinates, question, work):
+def _examine(box, count, task, question, work):
     """Can every contact be made in a box of poses, number `count` of the stack? Narrows it.
 
     Begins with the contact that discarded a box near by. Returns (that, coordinate to split, how far it moves a
@@ -235,10 +235,10 @@ def _examine(box, count, chains, regions, coordinates, question, work):
     """
     guess, last = work.inner.guess[count], work.inner.last
     nodes, split, stray = 0, -1, 0.0
-    for a in range(chains.joints.shape[0]):
+    for a in range(task.chains.joints.shape[0]):
         k = last[count] if a == 0 else (a - 1 if a <= last[count] else a)
         use = question.use[k, : question.sizes[k]]
-        fits, way, sway, spent = _possible(k, box, guess, use, chains, regions, coordinates, question, work)
+        fits, way, sway, spent = _possible(k, box, guess, use, task, question, work)
         nodes += spent
         if not fits:
             if count > 0:  # the next box is a near one
@@ -258,10 +258,10 @@ def explore_poses(
     question: `PoseQuestion`. Boxes of poses in which nothing strays by `resolution` [units] are set aside. Nodes are
     boxes, those of inner searches too.
     """
-    work = PoseWork(box, polynomials, taylor, turned, inner_work)
+    task, work = Flat(chains, regions, coordinates), PoseWork(box, polynomials, taylor, turned, inner_work)
     guess, last, n = inner_work.guess, inner_work.last, stack.box.shape[1]
     for k in range(chains.joints.shape[0]):
-        polynomials.tolerance[k] = tolerance_of(k, regions)
+        polynomials.tolerance[k] = tolerance_of(k, task.regions)
     for i in range(n):
         guess[0, i] = 0.5 * (stack.box[0, i, 0] + stack.box[0, i, 1])
     last[:] = 0
@@ -272,9 +272,9 @@ def explore_poses(
         nodes += 1
         second, again = again, False
         here = stack.box[count]
-        if not _bounded(here, pose, coordinates, question, work):
+        if not _bounded(here, pose, task.coordinates, question, work):
             continue
-        fits, split, stray, spent = _examine(here, count, chains, regions, coordinates, question, work)
+        fits, split, stray, spent = _examine(here, count, task, question, work)
         nodes += spent
         if not fits:
             continue

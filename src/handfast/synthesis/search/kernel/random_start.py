@@ -5,40 +5,41 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.ball_kinematics import NORMAL, chain, rotation, surface
 from handfast.synthesis.search.kernel.balls import get
+from handfast.synthesis.search.kernel.contact_equations import chain, rotation, surface
+from handfast.synthesis.search.kernel.kinematics import NORMAL
 from handfast.synthesis.search.workspace import ALIGNED, NUMBERS
 from handfast.synthesis.task_groups import CAP, POSE, QUATERNION
 
 
 @inner
-def start(numbers, chains, regions, coordinates, interior, x, contact, place):
+def start(numbers, task, interior, x, contact, place):
     """A random start into x (n, 2); contact: `ContactBalls`, place: `StartWork`.
 
     numbers: (n + 1 + ALIGNED * NUMBERS,) uniform in [0, 1). Of `ALIGNED` poses it takes the one that violates the
     bounds of the object's axes least.
     """
-    kept, n, b = place.pose, x.shape[0], chains.joints.shape[0]
-    first = coordinates.parameter[0] - POSE
+    kept, n, b = place.pose, x.shape[0], task.chains.joints.shape[0]
+    first = task.coordinates.parameter[0] - POSE
     for i in range(n):
         x[i, 0] = interior.lower[i] + numbers[i] * (interior.upper[i] - interior.lower[i])
         x[i, 1] = 0.0
     for i in range(QUATERNION):
         x[first + 3 + i, 0] = 1.0 if i == 0 else 0.0
     k = min(int(numbers[n] * b), b - 1)
-    chain(k, x, chains, contact)
-    parameter = coordinates.parameter[k]
-    surface(k, k, get(x, parameter), get(x, parameter + 1), regions, contact.object_surface, contact)
+    chain(k, x, task.chains, contact)
+    parameter = task.coordinates.parameter[k]
+    surface(k, k, get(x, parameter), get(x, parameter + 1), task.regions, contact.object_surface, contact)
     best = np.inf
     for attempt in range(ALIGNED):
         at = n + 1 + attempt * NUMBERS
-        _inward(k, numbers[at : at + NUMBERS], regions, coordinates.parameter[k], x, contact, place)
-        _place(k, numbers[at + 2], regions, first, interior, x, contact, place)
+        _inward(k, numbers[at : at + NUMBERS], task.regions, task.coordinates.parameter[k], x, contact, place)
+        _place(k, numbers[at + 2], task.regions, first, interior, x, contact, place)
         violation = 0.0
         for l in range(3):
             for i in range(3):
                 value = contact.object_rotation[0, i, l, 0]
-                bounds = coordinates.axes[3 * l + i]
+                bounds = task.coordinates.axes[3 * l + i]
                 violation += max(0.0, bounds[0] - value) + max(0.0, value - bounds[1])
         if violation < best:
             best = violation

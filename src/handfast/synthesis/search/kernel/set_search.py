@@ -58,7 +58,8 @@ from handfast.synthesis.search.kernel.taylor import (
     norm,
     spread,
 )
-from handfast.synthesis.search.workspace import LEFT, NODES, SMALL
+from handfast.synthesis.search.workspace import LEFT, NODES, SMALL, SetWork
+from handfast.synthesis.task_groups import Flat
 
 TURN = 0.12  # units of length that one of a direction counts for when a coordinate is chosen to split
 
@@ -171,14 +172,15 @@ def _pair(i, j, use, box, polynomials, terms):
 
 
 @inner
-def _narrowed(bounds, chains, regions, coordinates, question, box, polynomials, taylor, line, terms):
+def _narrowed(bounds, task, question, work):
     """Narrow a box (n, 2), `bounds`, for the contacts of a set. False if nothing is left."""
     contacts, use = question.contacts, question.use
+    box, polynomials, line, terms = work.box, work.polynomials, work.line, work.terms
     count = contacts.shape[0]
     for _ in range(LOOKS):
         center(bounds, use, box)
         for a in range(count):
-            element(contacts[a], a, box, chains, regions, coordinates, question.derivative_bounds, polynomials, taylor)
+            element(contacts[a], a, task, question.derivative_bounds, work)
             for which in range(HAND_DIRECTION, OBJECT_DIRECTION + 1, 2):
                 stray = spread(polynomials.slope[a, which], box.half, use) + polynomials.remainder[a, which]
                 polynomials.swing[a, which] = swept(1.0, stray)
@@ -241,6 +243,7 @@ def explore_set(
 
     question: `SetQuestion`. Boxes that stray by less than `resolution` [units] are set aside.
     """
+    task, work = Flat(chains, regions, coordinates), SetWork(box, polynomials, taylor, line, terms)
     _prepare(regions, question, polynomials)
     count, nodes, small, again = 1, 0, 0, False
     while count > 0 and nodes < budget and count + 2 < stack.share.shape[0] and small < stack.small_share.shape[0]:
@@ -248,7 +251,7 @@ def explore_set(
         nodes += 1
         second, again = again, False
         here = stack.box[count]
-        if not _narrowed(here, chains, regions, coordinates, question, box, polynomials, taylor, line, terms):
+        if not _narrowed(here, task, question, work):
             continue
         split, stray = _longest(here, question, polynomials.slope)
         if split < 0:
