@@ -1,4 +1,4 @@
-"""Planned grasps in the dynamics engine: what share of them it holds, of six hands on two objects each.
+"""Planned grasps in the dynamics engine: what share of them it holds and lifts, of six hands on two objects each.
 
     python -m benchmarks.plan_simulated [--shared ../shared] [--count 10] [--simulate] [--seconds 600]
 
@@ -8,9 +8,12 @@ object as the files that the grasp names have them. A grasp is held if all six e
 no model of it; else the endings of its loads say what became of it. `--shared` has the Allegro and the Barrett hand as
 URDF; without it these are rows that say so.
 
+Each grasp is also exported as a scene that closes the hand, squeezes and lifts (`export --layout mujoco`). The scene is
+run: it is lifted if the object ends 0.1 m higher, within a tenth, and is still there 5 s later.
+
 With `--simulate` the plans keep what the engine holds, and what is asked again is whether the files say the same.
 
-Writes results/plan_simulated.json as it goes on; pairs that are there already are not done again.
+Writes results/plan_simulated.json as it goes on; pairs that are there with as many grasps are not done again.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from typing import Any
 from benchmarks.machine import describe
 from handfast import Loads, load_body, load_grasp, load_hand, simulate_bodies
 from handfast.core.errors import InputError
+from handfast.datasets.published.mujoco_scene import HEIGHT, TIMES, play, scene_text
 from handfast.planning.plan_grasps import plan
 from handfast.planning.results.folder import PlanFolder
 from handfast.simulation.result import Ending
@@ -41,6 +45,7 @@ HANDS = {
 }
 SAFETY, SEED = 1.5, 0
 TIMEOUT = 300.0  # [s] for a plan
+SETTLING, KEPT = 0.5, 5.5  # [s] after the lift
 HELD, REFUSED = "held", "refused"
 
 
@@ -53,6 +58,20 @@ def simulated(path: Path, loads: Loads) -> dict[str, str]:
         except InputError as fault:
             endings[name] = f"{REFUSED}: {fault}"
     return endings
+
+
+def lifted(path: Path) -> bool:
+    """Whether the scene of a grasp lifts its object and keeps it for `KEPT`."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(scene_text(load_grasp(path)))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    floor, high = float(data.qpos[2]), []
+    for later in (SETTLING, KEPT):
+        play(model, data, TIMES["lifted"] + later)
+        high.append(float(data.qpos[2]) - floor)
+    return all(abs(h - HEIGHT) < HEIGHT / 10 for h in high)
 
 
 def became(endings: dict[str, str]) -> str:
@@ -72,11 +91,14 @@ def row(hand_file: str, thing: str, count: int, simulate: bool) -> dict[str, Any
         planning = time.process_time() - begin
         loads, grasps = Loads.gravity(body), []
         for g in planned.grasps:
-            endings = simulated(Path(folder) / f"{planned.number(g):03d}.grasp.json", loads)
+            file = Path(folder) / f"{planned.number(g):03d}.grasp.json"
+            endings = simulated(file, loads)
             measured = g.quality.to_json() if g.quality else {}
-            grasps.append({"start": g.index, "became": became(endings), "endings": endings} | measured)
-    told = {"starts": planned.tried, "stop": str(planned.stop), "processor_seconds": round(planning, 1)}
-    return told | {"became": dict(Counter(g["became"] for g in grasps)), "grasps": grasps}
+            about = {"start": g.index, "became": became(endings), "lifted": lifted(file), "endings": endings}
+            grasps.append(about | measured)
+    told = {"count": count, "starts": planned.tried, "stop": str(planned.stop), "processor_seconds": round(planning, 1)}
+    counted = {"became": dict(Counter(g["became"] for g in grasps)), "lifted": sum(g["lifted"] for g in grasps)}
+    return told | counted | {"grasps": grasps}
 
 
 def summary(rows: dict[str, Any]) -> dict[str, Any]:
@@ -85,7 +107,9 @@ def summary(rows: dict[str, Any]) -> dict[str, Any]:
     for r in rows.values():
         counts.update(r.get("became", {}))
     total = sum(counts.values())
-    return {"grasps": total, **counts, "share": round(counts[HELD] / total, 3) if total else None}
+    up = sum(r.get("lifted", 0) for r in rows.values())
+    shares = {"share": round(counts[HELD] / total, 3), "lifted_share": round(up / total, 3)} if total else {}
+    return {"grasps": total, **counts, "lifted": up, **shares}
 
 
 def main() -> None:
@@ -103,13 +127,13 @@ def main() -> None:
         file = str(asked.shared.resolve() / name.removeprefix("shared/")) if name.startswith("shared/") else name
         for thing in things:
             key = f"{Path(name).stem} {thing}"
-            if "grasps" in rows.get(key, {}) or time.monotonic() - begun > asked.seconds:
+            if rows.get(key, {}).get("count", 0) >= asked.count or time.monotonic() - begun > asked.seconds:
                 continue
             try:
                 rows[key] = row(file, thing, asked.count, asked.simulate)
             except InputError as fault:
                 rows[key] = {"fault": str(fault)}
-            part |= {"count": asked.count, "all": summary(rows)}
+            part["all"] = summary(rows)
             data |= {"machine": describe(), "safety": SAFETY}
             asked.output.write_text(json.dumps(data, indent=1) + "\n")
             print(key, rows[key].get("became", rows[key]), flush=True)

@@ -6,6 +6,8 @@ each point that it finds is as stiff as a contact of the twin.
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,21 +110,26 @@ def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, sti
     return assembled(spec, grasp, free, names, force, stiffness)
 
 
+def link_friction(grasp: Grasp) -> Mapping[str, float]:
+    """The friction of every link: the least of its contacts, of one without a contact the mean of all."""
+    found: dict[str, float] = defaultdict(lambda: float(grasp.mu.mean()))
+    for c in grasp.contacts:
+        found[c.link] = min(found.get(c.link, np.inf), c.friction)
+    return found
+
+
 def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, float, float]]:
     """Parts of hand and object that may touch, with friction, and how far apart they count as touching.
 
     The pair on whose surfaces a contact of the grasp lies begins to touch just there, whatever gap or overlap of
     rounding the configuration leaves it; all others as they are. (The nearest points of two flat faces may lie anywhere
-    on them.) A link has the least friction of its contacts, one without a contact the mean of all.
+    on them.)
     """
     import mujoco
 
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    usual = float(grasp.mu.mean())
-    friction: dict[str, float] = {}
-    for c in grasp.contacts:
-        friction[str(c.link)] = min(friction.get(str(c.link), np.inf), c.friction)
+    friction = link_friction(grasp)
     found: dict[tuple[str, str], float] = {}
     solids: dict[str, Shape] = {}
     for name, shapes in zip(bodies.names, bodies.shapes, strict=True):
@@ -147,7 +154,7 @@ def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, flo
             problem = f"is off by {1e3 * gap:.3g} mm: {contact.link} does not touch the object there"
             raise InputError(problem, source=grasp.name, field=f"contacts[{i}]")
         margins[pair] = gap / grasp.size
-    return [(*p, friction.get(_link(p[0]), usual), margin) for p, margin in margins.items()]
+    return [(*p, friction[_link(p[0])], margin) for p, margin in margins.items()]
 
 
 def _link(geom: str) -> str:

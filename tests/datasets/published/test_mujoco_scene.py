@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,24 +10,24 @@ import pytest
 
 from handfast import load_grasp, save_grasp
 from handfast.core.errors import InputError
-from handfast.datasets.published.mujoco_scene import HEIGHT, TIMES, scene_text, standing
+from handfast.datasets.published.mujoco_scene import HEIGHT, OPEN, TIMES, _Scene, play, scene_text, standing
+from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Grasp
+from handfast.readers.configuration_file import load_parts
 from handfast.readers.grasp_file import from_dict, to_dict
 from tests.support.program import complains, run
 
 mujoco = pytest.importorskip("mujoco")
 
 
-def lifted(grasp: Grasp, until: float = 4.5) -> list[float]:
+def lifted(grasp: Grasp, until: float = 5.1) -> list[float]:
     """[m] how high the object is above its first place, at the end of the lift and later."""
     model = mujoco.MjModel.from_xml_string(scene_text(grasp))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     first, found = float(data.qpos[2]), []
     for stop in (TIMES["lifted"] + 0.5, until):
-        while data.time < stop:
-            data.ctrl[:] = [np.interp(data.time, model.key_time, model.key_ctrl[:, i]) for i in range(model.nu)]
-            mujoco.mj_step(model, data)
+        play(model, data, stop)
         found.append(float(data.qpos[2]) - first)
     return found
 
@@ -40,22 +41,70 @@ def test_the_object_is_lifted_and_stays(name: str) -> None:
 
 
 def test_without_friction_it_is_not_lifted() -> None:
-    there, _ = lifted(load_grasp("barrett-can").with_friction(0.01))
+    there, _ = lifted(load_grasp("barrett-torch").with_friction(0.01))
     assert there < 0.5 * HEIGHT
 
 
 def test_the_keyframes_are_the_controller() -> None:
-    model = mujoco.MjModel.from_xml_string(scene_text(load_grasp("barrett-can")))
+    grasp = load_grasp("barrett-can")
+    model = mujoco.MjModel.from_xml_string(scene_text(grasp))
     assert model.key_time.tolist() == list(TIMES.values())
     assert [model.key(k).name for k in range(model.nkey)] == list(TIMES)
-    assert model.key_ctrl[:, -1].tolist() == [0, 0, 0, HEIGHT]
+    assert model.key_ctrl[:, -1].tolist() == [0, 0, 0, 0, HEIGHT]
     names = [model.actuator(k).name for k in range(model.nu)]
     for motor in ("finger_1_prox", "finger_2_prox", "finger_3_prox"):
-        opened, closed, squeezed, _ = model.key_ctrl[:, names.index(motor)]
-        assert opened < closed < squeezed
-        k, force = names.index(motor), load_grasp("barrett-can").preload[motor]
-        assert model.actuator_gainprm[k, 0] * (squeezed - closed) == pytest.approx(force, rel=1e-3)  # six digits
-    assert model.body("object").mass == pytest.approx(load_grasp("barrett-can").mass)
+        k, gearing = names.index(motor), names.index(f"{motor} gearing")
+        opened, closed, squeezed, *after = model.key_ctrl[:, k]
+        assert [closed - opened, squeezed - closed] == pytest.approx([OPEN, OPEN], abs=1e-4)  # six digits
+        assert after == [squeezed, squeezed]
+        # it presses with its command and no more, and does not turn back from where it has squeezed
+        assert model.actuator_forcerange[k] == pytest.approx(np.array([-1, 1]) * grasp.preload[motor], rel=1e-3)
+        assert model.actuator_forcerange[gearing, 0] == 0
+        stood = model.key_ctrl[list(TIMES).index("locked"), gearing]
+        assert 0 <= stood - closed < 0.01
+        assert model.key_ctrl[:, gearing] == pytest.approx([opened, closed, closed, stood, stood], abs=1e-4)
+    assert model.body("object").mass == pytest.approx(grasp.mass)
+
+
+def test_a_load_that_exceeds_the_command_does_not_open_the_hand() -> None:
+    grasp = load_grasp("barrett-can")
+    model = mujoco.MjModel.from_xml_string(scene_text(grasp))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    play(model, data, TIMES["lifted"])
+    stands = data.actuator("finger_1_prox gearing").ctrl[0]
+    data.joint("finger_1_prox").qfrc_applied[0] = -5 * grasp.preload["finger_1_prox"]
+    play(model, data, TIMES["lifted"] + 1)
+    assert data.tendon("motor finger_1_prox").length[0] > stands - 2e-3
+
+
+def test_a_clutch_that_has_opened_stays_so() -> None:
+    """The far joint of a finger whose near one was stopped is off its coupling: the scene begins and stays there."""
+    grasp = load_grasp("barrett-can")
+    placed = load_parts(grasp)
+    name, near = "finger_1_dist", "finger_1_prox"
+    q = placed.q.copy()
+    q[placed.hand.joint(name)] += 0.2
+    model = mujoco.MjModel.from_xml_string(str(_Scene(replace(placed, q=q), grasp).spec().to_xml()))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    play(model, data, 0.2)
+    far, first = float(data.joint(name).qpos[0]), float(data.joint(near).qpos[0])
+    off = placed.q[placed.hand.joint(name)] - placed.q[placed.hand.joint(near)] / 3
+    assert far - first / 3 == pytest.approx(off + 0.2, abs=0.01)
+
+
+def test_motors_of_joints_alone_press_too() -> None:
+    """A grasp of a hand with couplings whose every joint has a motor of its own."""
+    given = load_grasp("barrett-can")
+    placed = load_parts(given)
+    command = {"finger_1_dist": 0.05}
+    direct = grasp_of(
+        placed.hand, placed.q, given.contacts, placed.pose, preload=command, mechanism="direct"
+    ).about(mass=0.1, provenance=given.provenance)  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(scene_text(direct))
+    assert model.actuator("finger_1_dist").forcerange == pytest.approx([-0.05, 0.05])
+    assert model.neq == 0
 
 
 def test_what_stands_firmest() -> None:
@@ -80,7 +129,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     command = ["export", "planned", "--layout", "mujoco"]
     assert run(capsys, *command, "-o", "scenes")[:2] == (0, "2 scenes, layout mujoco: scenes\n")
     assert sorted(f.name for f in Path("scenes").iterdir()) == ["000.xml", "001.xml"]
-    assert mujoco.MjModel.from_xml_path("scenes/000.xml").nkey == 4
+    assert mujoco.MjModel.from_xml_path("scenes/000.xml").nkey == len(TIMES)
     complains(capsys, [*command, "-o", "scenes"], ["000.xml: exists already; give --force"])
     complains(capsys, [*command, "-o", "one.xml"], ["one.xml: is one file for 2 grasps; give a folder"])
     complains(capsys, [*command, "-o", "x", "--hand", "a"], ["--hand: is of other layouts"])

@@ -179,7 +179,8 @@ def _text(
         import yaml
     except ImportError:
         raise InputError("isaac_grasp is YAML, which needs PyYAML: pip install 'handfast[published]'") from None
-    written = {"format": "isaac_grasp", "format_version": 1.0, "grasps": entries}
+    frames = {"object_frame_link": name, "gripper_frame_link": mapping.link or hand.links[0].name}
+    written = {"format": "isaac_grasp", "format_version": 1.0, **frames, "grasps": entries}
     return str(yaml.safe_dump(written, sort_keys=False))
 
 

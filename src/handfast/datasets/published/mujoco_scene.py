@@ -1,13 +1,18 @@
 """A grasp as a MuJoCo scene that closes, squeezes and lifts: hand and object in SI units, servos and their targets.
 
-The object stands on the ground, on the firmest of its six sides. The hand hangs on a slide that lifts it; its motors
-are position servos. What they are to do is told by keyframes, each with a time and the servos' targets: between two of
-them targets go straight. A servo that is to press with a command f stands f / kp beyond its contact.
+The object stands on the ground, on the firmest of its six sides. The hand hangs on a slide that lifts it. What the
+servos do is told by keyframes, each with a time and the servos' targets: between two of them targets go straight.
+
+Every motor is a position servo. One that is commanded has a force limit, its command, and a target beyond its contact:
+it presses with the command wherever the contact is. If it does not turn back, a second servo is its gearing: it pushes
+in the closing sense alone, without limit, and its target is where the motor stands: at the grasp's own position while
+the hand closes and squeezes, and from "locked" on where it stood when it had squeezed, which is found by running the
+scene. A motor without command stands at its target.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +24,30 @@ from handfast.core.files import refuse_existing, write_text
 from handfast.core.transforms import matrix_quaternion, transform
 from handfast.geometry.scene import add_solid
 from handfast.model.grasp import Grasp
-from handfast.model.servo import servo_commands
-from handfast.model.shape import Shape
+from handfast.model.hand.hand import Hand
 from handfast.readers.configuration_file import GraspParts, load_parts
 from handfast.readers.grasp_file import load_grasp
+from handfast.simulation.bodies import link_friction
+from handfast.simulation.hand_drive import (
+    JointResistance,
+    MotorDrive,
+    backdrivable_motors,
+    locked_joints,
+    motors_of,
+    with_laws_of,
+)
 
 STEP = 1e-3  # [s]
-CREEP_RATIO = 100.0  # mujoco lets what sticks creep: less with a larger one
+CREEP_RATIO = 1e3  # mujoco lets what sticks creep: less with a larger one
 CONTACT_TIME = 4e-3  # [s] in which overlaps of contacts are undone
-STIFF, SLIDE = 50.0, 2e4  # [N m/rad], [N/m] of servos
-ARMATURE, MASS = 2e-3, 0.02  # [kg m^2] of joints, [kg] of links: the files of hands seldom say them
+STIFF, STIFF_SLIDE = 1e3, 1e6  # [N m/rad], [N/m] of servos
+ARMATURE, ARMATURE_SLIDE, MASS = 2e-3, 0.1, 0.02  # [kg m^2], [kg] of joints, [kg] of links: files of hands seldom say
+DRAG = 0.5  # of a command is spent on viscous friction while the hand closes: what is squeezed comes to rest
+STRONG = 1e6  # [N m, N] no gearing gives way to less
 OPEN = 0.15  # [rad] by which motors that press are open at first
 OPEN_SLIDE = 0.01  # [m]
 HEIGHT = 0.1  # [m] of the lift
-TIMES = {"open": 0.0, "closed": 1.0, "squeezed": 1.5, "lifted": 3.0}  # [s] at which targets are reached
+TIMES = {"open": 0.0, "closed": 1.0, "squeezed": 2.0, "locked": 2.1, "lifted": 3.6}  # [s] at which targets are reached
 FOOT = 5e-4  # [m] above the lowest point: what stands on the ground
 _SIDES = [np.array(R, dtype=float) for R in (
     [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
@@ -82,6 +97,19 @@ def scene_text(grasp: Grasp) -> str:
     return str(_Scene(parts, grasp).spec().to_xml())
 
 
+def play(model: Any, data: Any, until: float) -> None:
+    """Run a scene up to a time [s], its controls straight between the keyframes; the last one's stay.
+
+    Args:
+        model, data: an `mujoco.MjModel` of a scene and its `mujoco.MjData`, set to the first keyframe at first.
+    """
+    import mujoco
+
+    while data.time < until:
+        data.ctrl[:] = [np.interp(data.time, model.key_time, ctrl) for ctrl in model.key_ctrl.T]
+        mujoco.mj_step(model, data)
+
+
 def standing(vertices: Array, center: Array) -> Array:
     """(3, 3) turns an object with vertices (n, 3) so that it stands as firmly as it can: on one of six sides.
 
@@ -99,18 +127,82 @@ def standing(vertices: Array, center: Array) -> Array:
     return best
 
 
+@dataclass(frozen=True, eq=False)
+class _Motor:
+    """A motor of the hand, in the sense in which its command is positive.
+
+    Attributes:
+        row: (l,) its displacement by joint values.
+        at: its displacement at the grasp.
+        command: [N m, N], 0 or more.
+        moves: whether it is commanded, a tendon that may go slack, or backdrivable; else it stands.
+        holds: whether it does not turn back.
+        slides: whether it moves a slide.
+    """
+
+    name: str
+    row: Array
+    at: float
+    command: float
+    moves: bool
+    holds: bool
+    slides: bool
+
+    @classmethod
+    def all_of(cls, drive: MotorDrive, hand: Hand, q: Array) -> list[_Motor]:
+        """Those of a hand at q (l,), without what swings freely."""
+        out = []
+        each = zip(drive.names, drive.rows, drive.command, drive.moves, drive.holds, strict=True)
+        for name, closing, f, moves, holds in each:
+            row = -closing if f < 0 else closing
+            slides = any(hand.joints[j].type == "prismatic" for j in np.flatnonzero(row))
+            if f or holds:
+                out.append(cls(name, row, float(row @ q), abs(float(f)), bool(moves), bool(holds), slides))
+        return out
+
+    @property
+    def tendon(self) -> str:
+        return f"motor {self.name}"
+
+    @property
+    def size(self) -> float:
+        """Square of what it moves by when its joints move by 1: from joints' stiffness to its own."""
+        return float(self.row @ self.row)
+
+    @property
+    def opening(self) -> float:
+        """By how much it is open at first if it presses, in its displacement."""
+        return (OPEN_SLIDE if self.slides else OPEN) * self.size / float(np.abs(self.row).max())
+
+    @property
+    def gains(self) -> tuple[float, float]:
+        """kp and kd of its servos."""
+        stiffness, mass = (STIFF_SLIDE, ARMATURE_SLIDE) if self.slides else (STIFF, ARMATURE)
+        return stiffness / self.size, 2 * np.sqrt(stiffness * mass) / self.size
+
+    def targets(self, when: str, squeezed: float) -> list[float]:
+        """Of its servo, and of its gearing if it has one; `squeezed` is where it stood then."""
+        if not self.command:
+            return [self.at]
+        beyond = {"open": -self.opening, "closed": 0.0}.get(when, self.opening)
+        stands = {"open": self.at - self.opening, "closed": self.at, "squeezed": self.at}.get(when, squeezed)
+        return [self.at + beyond, stands] if self.holds else [self.at + beyond]
+
+
 class _Scene:
     """One scene in the making."""
 
     def __init__(self, parts: GraspParts, grasp: Grasp) -> None:
-        self.hand, self.q, self.grasp = parts.hand, parts.q, grasp
+        self.hand, self.q, self.grasp = with_laws_of(parts.hand, grasp, parts.q, parts.pose), parts.q, grasp
         self.body = body = parts.body
-        self.mu = float(grasp.mu.min())
         self.center = body.center_of_mass if grasp.center_of_mass is None else grasp.center_of_mass
         R = standing(body.vertices, self.center)
         self.at = transform([0.0, 0.0, -float((body.vertices @ R[2]).min())], R)  # (4, 4) of the object
         self.base = self.at @ np.linalg.inv(parts.pose)
-        self.pressing = {n: f for n, f in grasp.preload.items() if f and n in self.hand.mechanism.actuators}
+        turning, own = backdrivable_motors(grasp), motors_of(grasp, self.hand)
+        self.drive = MotorDrive.of(self.hand, grasp.preload, own, turning, locked_joints(grasp))
+        self.motors = _Motor.all_of(self.drive, self.hand, self.q)
+        self.couplings = () if self.drive.direct else self.hand.couplings
 
     def spec(self) -> Any:
         """The model, not compiled."""
@@ -130,11 +222,25 @@ class _Scene:
         )
         self._add_object(spec)
         self._add_hand(spec)
+        self._add_ties(spec)
         self._add_servos(spec)
+        start = self._start().tolist()
+        squeezed = {motor.name: motor.at for motor in self.motors}
         for name, time in TIMES.items():
-            ctrl = [*self._targets(name), HEIGHT if name == "lifted" else 0.0]
-            spec.add_key(name=name, time=time, qpos=self._start().tolist(), ctrl=ctrl)
+            if name == "locked":
+                squeezed = self._squeezed(spec.compile())
+            ctrl = [t for motor in self.motors for t in motor.targets(name, squeezed[motor.name])]
+            spec.add_key(name=name, time=time, qpos=start, ctrl=[*ctrl, HEIGHT if name == "lifted" else 0.0])
         return spec
+
+    def _squeezed(self, model: Any) -> dict[str, float]:
+        """Where the motors stand when the hand has squeezed."""
+        import mujoco
+
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        play(model, data, TIMES["squeezed"])
+        return {motor.name: float(data.tendon(motor.tendon).length[0]) for motor in self.motors}
 
     def _add_object(self, spec: Any) -> None:
         turn = matrix_quaternion(self.at[:3, :3]).tolist()
@@ -147,12 +253,12 @@ class _Scene:
         body.mass, body.ipos, body.explicitinertial = self.grasp.mass, center.tolist(), 1
         body.fullinertia = about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()
         for k, piece in enumerate(self.body.pieces):
-            self._add_shape(spec, body, f"object/{k}", piece, contype=OBJECT, conaffinity=HAND | GROUND)
+            add_solid(spec, body, f"object/{k}", piece, **_touching(0.0), contype=OBJECT, conaffinity=HAND | GROUND)
 
     def _add_hand(self, spec: Any) -> None:
         import mujoco
 
-        R = self.base[:3, :3]
+        R, friction = self.base[:3, :3], link_friction(self.grasp)
         mount = spec.worldbody.add_body(
             name="lift", pos=self.base[:3, 3].tolist(), quat=matrix_quaternion(R).tolist(), gravcomp=1,
             mass=1.0, ipos=[0, 0, 0], inertia=[1e-2] * 3, explicitinertial=1,
@@ -174,80 +280,77 @@ class _Scene:
                     name=joint.name, axis=joint.axis.tolist(), pos=joint.anchor.tolist(), ref=joint.ref,
                     type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
                     range=[joint.lower, joint.upper], limited=bool(joint.lower < joint.upper),
-                    armature=ARMATURE if turns else 0.1, damping=[0.01 if turns else 1.0, 0, 0],
-                    frictionloss=joint.law.friction,
+                    armature=ARMATURE if turns else ARMATURE_SLIDE, damping=[0.01 if turns else 1.0, 0, 0],
                 )  # fmt: skip
             for n, shape in enumerate(link.shapes):
-                self._add_shape(spec, body, f"{link.name}/{n}", shape, contype=HAND, conaffinity=0)
-        for c in self.hand.couplings:
-            first, second = self.hand.joints[c.joint], self.hand.joints[c.driver]
-            tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=first.name, name2=second.name)
+                add_solid(
+                    spec, body, f"{link.name}/{n}", shape, **_touching(friction[link.name]), contype=HAND, conaffinity=0
+                )
+
+    def _add_ties(self, spec: Any) -> None:
+        """Couplings as they are at the grasp, whose clutches may have opened, joints that are locked, and springs."""
+        import mujoco
+
+        joints = self.hand.joints
+        away = [q - j.ref for q, j in zip(self.q, joints, strict=True)]
+        ties = [(int(np.flatnonzero(row)[0]), -1, 0.0) for row in self.drive.held]
+        ties += [(c.joint, c.driver, c.ratio) for c in self.couplings]
+        for joint, driver, ratio in ties:
+            tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=joints[joint].name)
+            if driver >= 0:
+                tie.name2 = joints[driver].name
             tie.objtype = mujoco.mjtObj.mjOBJ_JOINT
-            tie.data[:5] = [c.offset + c.ratio * second.ref - first.ref, c.ratio, 0, 0, 0]
+            tie.data[:5] = [away[joint] - ratio * (away[driver] if driver >= 0 else 0.0), ratio, 0, 0, 0]
+        resists = JointResistance.of(self.hand)
+        for n, (law, row) in enumerate(zip(resists.laws, resists.rows, strict=True)):
+            tendon = self._tendon(spec, f"resists {n}", row)
+            tendon.stiffness, tendon.springlength, tendon.frictionloss = law.stiffness, law.rest, law.friction
+
+    def _tendon(self, spec: Any, name: str, row: Array) -> Any:
+        tendon = spec.add_tendon(name=name)
+        for joint, weight in zip(self.hand.joint_names, row, strict=True):
+            if weight:
+                tendon.wrap_joint(joint, float(weight))
+        return tendon
 
     def _add_servos(self, spec: Any) -> None:
         import mujoco
 
-        def servo(name: str, kind: Any, target: str, kp: float, kd: float) -> None:
+        def servo(name: str, kind: Any, target: str, gains: tuple[float, float], *limits: float) -> None:
             made = spec.add_actuator(name=name, trntype=kind, target=target)
             made.gaintype, made.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-            made.gainprm[0], made.biasprm[:3] = kp, [0.0, -kp, -kd]
+            made.gainprm[0], made.biasprm[:3] = gains[0], [0.0, -gains[0], -gains[1]]
+            if limits:
+                made.forcelimited, made.forcerange = 1, limits
 
-        m = self.hand.mechanism
-        for name, row in zip(m.actuators, m.R, strict=True):
-            tendon = spec.add_tendon(name=f"motor {name}")
-            for joint, weight in zip(self.hand.joint_names, row, strict=True):
-                if weight:
-                    tendon.wrap_joint(joint, float(weight))
-            kp = self.gain(name)
-            servo(
-                name,
-                mujoco.mjtTrn.mjTRN_TENDON,
-                f"motor {name}",
-                kp,
-                2 * np.sqrt(kp * (ARMATURE if kp == STIFF else 0.1)),
-            )
-        servo("lift", mujoco.mjtTrn.mjTRN_JOINT, "lift", 2e4, 2e3)
-
-    def gain(self, motor: str) -> float:
-        """kp of a motor's servo [N m/rad, or N/m where it moves slides]."""
-        m = self.hand.mechanism
-        moved = np.flatnonzero(m.R[m.actuators.index(motor)])
-        return STIFF if all(self.hand.joints[j].type == "revolute" for j in moved) else SLIDE
-
-    def _senses(self) -> Mapping[str, float]:
-        """1 where a motor that closes goes to larger values, else -1."""
-        m = self.hand.mechanism
-        there = {n: float(m.R[m.actuators.index(n)] @ self.q) + 1.0 for n in self.pressing}
-        return {n: np.sign(f) for n, f in servo_commands(self.hand, self.q, there, 1.0).items()}
-
-    def _targets(self, when: str) -> list[float]:
-        """Of the motors, in their order."""
-        m, senses = self.hand.mechanism, self._senses()
-        out = []
-        for name, row in zip(m.actuators, m.R, strict=True):
-            target, kp = float(row @ self.q), self.gain(name)
-            if name in self.pressing and when == "open":
-                target -= senses[name] * np.sign(self.pressing[name]) * (OPEN if kp == STIFF else OPEN_SLIDE)
-            elif name in self.pressing and when != "closed":
-                target += senses[name] * self.pressing[name] / kp
-            out.append(target)
-        return out
+        by_tendon = mujoco.mjtTrn.mjTRN_TENDON
+        for motor in self.motors:
+            tendon = self._tendon(spec, motor.tendon, motor.row)
+            if motor.command:
+                tendon.damping = [DRAG * motor.command * TIMES["closed"] / motor.opening, 0, 0]
+                servo(motor.name, by_tendon, tendon.name, motor.gains, -motor.command, motor.command)
+                if motor.holds:
+                    servo(f"{motor.name} gearing", by_tendon, tendon.name, motor.gains, 0.0, STRONG)
+            elif motor.moves:  # a tendon, which pulls alone
+                servo(motor.name, by_tendon, tendon.name, motor.gains, 0.0, STRONG)
+            else:
+                servo(motor.name, by_tendon, tendon.name, motor.gains)
+        servo("lift", mujoco.mjtTrn.mjTRN_JOINT, "lift", (2e4, 2e3))
 
     def _start(self) -> Array:
         """The coordinates of the model at first: the object on the ground, the hand open."""
-        q, m = self.q.copy(), self.hand.mechanism
-        for name, target in zip(m.actuators, self._targets("open"), strict=True):
-            row = m.R[m.actuators.index(name)]
-            q += (target - row @ self.q) * row / (row @ row)
-        named = {n: float(x) for n, x in zip(self.hand.joint_names, q, strict=True)}
-        for c in self.hand.couplings:
-            named[self.hand.joint_names[c.joint]] = c.offset + c.ratio * named[self.hand.joint_names[c.driver]]
-        order = [n for link in self.hand.links for n in (self.hand.joint_names[j] for j in link.joints)]
-        lower, upper = (dict(zip(self.hand.joint_names, bound, strict=True)) for bound in self.hand.limits.T)
-        hand = [float(np.clip(named[n], lower[n], upper[n])) for n in order]
-        return np.r_[self.at[:3, 3], matrix_quaternion(self.at[:3, :3]), 0.0, hand]
+        q = self.q.copy()
+        for motor in self.motors:
+            if motor.command:
+                q -= motor.opening * motor.row / motor.size
+        for c in self.couplings:
+            if c.driver >= 0:
+                q[c.joint] = self.q[c.joint] + c.ratio * (q[c.driver] - self.q[c.driver])
+        q = np.clip(q, *self.hand.limits.T)
+        order = [j for link in self.hand.links for j in link.joints]
+        return np.r_[self.at[:3, 3], matrix_quaternion(self.at[:3, :3]), 0.0, q[order]]
 
-    def _add_shape(self, spec: Any, body: Any, name: str, shape: Shape, **bits: int) -> None:
-        touch: dict[str, Any] = {"friction": [self.mu, 0.0, 0.0], "condim": 3, "solref": [CONTACT_TIME, 1.0]}
-        add_solid(spec, body, name, shape, mass=0, **touch, **bits)
+
+def _touching(friction: float) -> dict[str, Any]:
+    """How a solid touches: of two, the larger friction counts."""
+    return {"mass": 0, "friction": [friction, 0.0, 0.0], "condim": 3, "solref": [CONTACT_TIME, 1.0]}
