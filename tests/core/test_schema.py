@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any
@@ -12,7 +13,7 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.core.schema import LEFT_OUT, InFiles, Numbers, Vector3, written
+from handfast.core.schema import LEFT_OUT, OPEN, InFiles, NullFor, Numbers, Vector3, written
 
 
 class Kind(StrEnum):
@@ -86,3 +87,18 @@ def test_what_is_missing_is_named() -> None:
         validate(Finger, {})
     with pytest.raises(InputError, match=r"^input should be "):
         validate(Finger, [])
+
+
+@dataclass(frozen=True)
+class Range(InFiles):
+    ends: tuple[Annotated[float, NullFor(-math.inf)], Annotated[float, NullFor(math.inf)]] = field(
+        default=(-math.inf, math.inf), metadata=OPEN
+    )
+
+
+def test_what_is_open_is_null() -> None:
+    assert validate(Range, {"ends": [None, 2]}).ends == (-math.inf, 2.0)
+    assert written(Range((1.0, math.inf))) == {"ends": [1.0, None]}
+    assert validate(Range, written(Range())) == Range()
+    with pytest.raises(InputError, match=r"^ends\[0\]: input should be a valid number$"):
+        validate(Range, {"ends": ["1", 2]})

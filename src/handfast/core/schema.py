@@ -21,6 +21,7 @@ imported when the first file is read.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import lru_cache
@@ -37,8 +38,9 @@ class InFiles:
     __pydantic_config__: ClassVar[dict[str, str]] = {"extra": "forbid"}
 
 
-# metadata of a field that `written` leaves out where it has its default
-LEFT_OUT = {"left_out": True}
+# metadata of a field that `written` leaves out where it has its default, and of one of several numbers, some of which
+# may be infinite and are null then
+LEFT_OUT, OPEN = {"written": "left out"}, {"written": "open"}
 
 
 class Numbers:
@@ -62,7 +64,10 @@ class Numbers:
 
 
 class NullFor:
-    """A number of which a file says null where it is `value`, an infinity: `Annotated[float, NullFor(inf)]`."""
+    """A number that a file gives as null where it is `value`, an infinity: `Annotated[float, NullFor(inf)]`.
+
+    The field has the metadata `OPEN`.
+    """
 
     def __init__(self, value: float) -> None:
         self.value = value
@@ -83,17 +88,13 @@ Vectors3 = Annotated[Array, Numbers(None, 3)]
 
 
 def written(value: Any) -> Any:
-    """JSON of a value: dataclasses as objects of their fields, arrays as lists, names of an enumeration as texts.
-
-    A number that is infinite is null.
-    """
-    if isinstance(value, float) and math.isinf(value):
-        return None
+    """JSON of a value: dataclasses as objects of their fields, arrays as lists, names of an enumeration as texts."""
     if isinstance(value, str | float | int | None) and not isinstance(value, Enum | np.generic):
         return value
     if is_dataclass(value) and not isinstance(value, type):
-        told = ((name, getattr(value, name), left_out, default) for name, left_out, default in _fields_of(type(value)))
-        return {name: written(x) for name, x, left_out, default in told if not (left_out and x == default)}
+        told = ((name, getattr(value, name), how, default) for name, how, default in _fields_of(type(value)))
+        kept = ((name, x, how) for name, x, how, default in told if how != "left out" or x != default)
+        return {name: written(_ends(x) if how == "open" else x) for name, x, how in kept}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Enum):
@@ -105,7 +106,11 @@ def written(value: Any) -> Any:
     return value
 
 
+def _ends(values: Iterable[float]) -> list[float | None]:
+    return [None if math.isinf(x) else x for x in values]
+
+
 @lru_cache(maxsize=256)
-def _fields_of(kind: Any) -> tuple[tuple[str, bool, Any], ...]:
-    """Of each field of a dataclass: its name, whether it is left out where it has its default, and that."""
-    return tuple((f.name, bool(f.metadata.get("left_out")), f.default) for f in fields(kind))
+def _fields_of(kind: Any) -> tuple[tuple[str, Any, Any], ...]:
+    """Of each field of a dataclass: its name, how it is written, and its default."""
+    return tuple((f.name, f.metadata.get("written"), f.default) for f in fields(kind))

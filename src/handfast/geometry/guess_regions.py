@@ -38,7 +38,7 @@ SMALLEST = 4e-3  # [m] a face narrower than twice this makes no region
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _FacingPart:
     """A link with shapes, and which side of it faces the object (unit, link frame)."""
 
     link: int
@@ -98,17 +98,17 @@ def _shared(names: list[str]) -> str:
     return names[0][:count] if len(names) == 1 else names[0][:count].rstrip("_-. ")
 
 
-def _finger(hand: Hand, q: Array, tip: int, finger: str) -> list[_Part]:
+def _finger(hand: Hand, q: Array, tip: int, finger: str) -> list[_FacingPart]:
     """The tip and the parts further in that a closing joint moves."""
-    parts: list[_Part] = []
+    parts: list[_FacingPart] = []
     for i in (tip, *above(hand, tip)):
         if hand.links[i].shapes and any(hand.closing[j] for j in hand.moved_by(i)):
             facing, outward = _facing(hand, q, i)
             if parts:
-                parts.append(_Part(i, finger, "pad", facing, outward))
+                parts.append(_FacingPart(i, finger, "pad", facing, outward))
             else:
                 ahead = facing + FORWARD * outward
-                parts.append(_Part(i, finger, "tip", ahead / np.linalg.norm(ahead), outward))
+                parts.append(_FacingPart(i, finger, "tip", ahead / np.linalg.norm(ahead), outward))
     return parts
 
 
@@ -140,7 +140,7 @@ def _middle(hand: Hand, link: int) -> Array:
 # --- the region on that side ---------------------------------------------------------------------------
 
 
-def _region(hand: Hand, part: _Part, known: dict[bytes, tuple[Region, float] | None]) -> HandRegion | None:
+def _region(hand: Hand, part: _FacingPart, known: dict[bytes, tuple[Region, float] | None]) -> HandRegion | None:
     """The region of a part, on the shape that shows most of itself on the facing side; None if there is none.
 
     `known` holds those of parts met before: the fingers of a hand are often alike.
@@ -159,7 +159,7 @@ def _region(hand: Hand, part: _Part, known: dict[bytes, tuple[Region, float] | N
     return HandRegion(name, link.name, made[0], part.finger, part.role, made[1])
 
 
-def _seen(shapes: tuple[Shape, ...], k: int, part: _Part) -> float:
+def _seen(shapes: tuple[Shape, ...], k: int, part: _FacingPart) -> float:
     """[m^2] how much of a shape's surface faces forwards, is in no other shape, and at a tip is near its end."""
     vertices, faces = _cut(*shapes[k].triangles())
     middles, normals, area = _measured(vertices, faces)
@@ -174,7 +174,7 @@ def _seen(shapes: tuple[Shape, ...], k: int, part: _Part) -> float:
     return float(area[shown].sum())
 
 
-def _of_shape(shape: Shape, part: _Part) -> tuple[Region, float] | None:
+def _of_shape(shape: Shape, part: _FacingPart) -> tuple[Region, float] | None:
     """The facing side of a shape, link frame, and its error [m]."""
     if shape.kind == "sphere":
         return Cap(shape.pose[:3, 3], shape.size[0], part.facing, HALF_ANGLE), 0.0
@@ -195,7 +195,7 @@ def _of_shape(shape: Shape, part: _Part) -> tuple[Region, float] | None:
     return fitted.patch, fitted.error_max
 
 
-def _crowned(box: Shape, part: _Part) -> tuple[Region, float] | None:
+def _crowned(box: Shape, part: _FacingPart) -> tuple[Region, float] | None:
     """A slightly round disc on the facing side of a box, at a tip as far out as it fits."""
     R, half = box.pose[:3, :3], np.array(box.size) / 2
     towards = R.T @ part.facing
@@ -234,7 +234,7 @@ def _palm(anatomy: Anatomy, q: Array, meet: Array) -> HandRegion | None:
     if best is None:
         return None
     _, i, shape, facing = best
-    made = _crowned(shape, _Part(i, "palm", "palm", facing, facing))
+    made = _crowned(shape, _FacingPart(i, "palm", "palm", facing, facing))
     return None if made is None else HandRegion("palm", hand.links[i].name, made[0], "palm", "palm", made[1])
 
 

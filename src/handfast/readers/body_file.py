@@ -31,26 +31,26 @@ Sizes = tuple[Positive, Positive, Positive]
 SOLIDS: tuple[Kind, ...] = ("box", "sphere", "capsule", "cylinder", "ellipsoid")  # fields of `ShapeFile`
 
 
-class Box(Strict):
+class BoxEntry(Strict):
     """Full edge lengths [m]."""
 
     size: Sizes
 
 
-class Ball(Strict):
+class SphereEntry(Strict):
     """[m]."""
 
     radius: Positive
 
 
-class Round(Strict):
+class RoundEntry(Strict):
     """A capsule (length without its caps) or cylinder along z [m]."""
 
     radius: Positive
     length: Positive
 
 
-class Ellipsoid(Strict):
+class EllipsoidEntry(Strict):
     """Semi-axes [m]."""
 
     semi_axes: Sizes
@@ -66,11 +66,11 @@ class MeshFile(Strict):
 class ShapeFile(Strict):
     """Exactly one solid, and where it stands in the object frame."""
 
-    box: Box | None = None
-    sphere: Ball | None = None
-    capsule: Round | None = None
-    cylinder: Round | None = None
-    ellipsoid: Ellipsoid | None = None
+    box: BoxEntry | None = None
+    sphere: SphereEntry | None = None
+    capsule: RoundEntry | None = None
+    cylinder: RoundEntry | None = None
+    ellipsoid: EllipsoidEntry | None = None
     mesh: MeshFile | None = None
     pose: PoseFile = PoseFile()
 

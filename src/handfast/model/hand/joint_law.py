@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.core.schema import InFiles, NullFor
+from handfast.core.schema import OPEN, InFiles, NullFor
 
 LAWS = ("stops", "friction", "springs")
 STOP_ANGLE = 1e-3  # [rad] a joint this near to its stop stands at it: its fingertip, 0.1 m away, is within 0.1 mm
@@ -33,7 +33,9 @@ class JointLaw(InFiles):
     friction: float = 0.0
     stiffness: float = 0.0
     rest: tuple[float, float] = (0.0, 0.0)
-    stops: tuple[Annotated[float, NullFor(-np.inf)], Annotated[float, NullFor(np.inf)]] = FREE
+    stops: tuple[Annotated[float, NullFor(-np.inf)], Annotated[float, NullFor(np.inf)]] = field(
+        default=FREE, metadata=OPEN
+    )
 
     def __post_init__(self) -> None:
         for name in ("friction", "stiffness"):
