@@ -1,9 +1,10 @@
 """What checking a certificate costs beside the search that made it: processor time, parts of it, size on disk.
 
-    python -m benchmarks.replay [--count 8] [--sizes 3 4 5 6 8] [--out results/replay.json]
+    python -m benchmarks.replay [--count 8] [--sizes 3 4 5 6 8] [--published FOLDER] [--out results/replay.json]
 
 Maxima of fresh random grasps with seeds that nothing was tuned on (`no_cap.question`: plain, base load, torque and
-force limits, uncertain normals, a coupling, a prismatic joint; then joints that rub, `joint_friction`). Each is
+force limits, uncertain normals, a coupling, a prismatic joint; then joints that rub, `joint_friction`); largest forces
+along the axes of dense grasps of 8 to 12 contacts (`dense`; FOLDER has published ones) and of bundled grasps. Each is
 searched without replay, and its certificate is checked by `handfast.proofs`, once with everything that depends on the
 grasp made anew, once again with that kept. Times are of the processor, the quickest of three, one thread. Every part
 that may be slow is timed on its own: reading the file, the tree, the rows, the leaves, what is done in rational
@@ -17,19 +18,24 @@ import json
 import statistics
 import time
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.dense import published, pulls
+from benchmarks.grasps import cases
 from benchmarks.joint_friction import drawn, rubbing
 from benchmarks.machine import describe
 from benchmarks.no_cap import question
 from handfast.proofs import checker, equations, leaves
 from handfast.proofs.certificate import Certificate, file_to_dict, read_certificate_file
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
 
+BUNDLED = Path(str(files("handfast") / "data" / "grasps"))
 RESULTS = Path(__file__).parent / "results" / "replay.json"
 SETTINGS = Settings(verify=False, jobs=1, timeout=20.0)
 FIRST_SEED, LAWS_SEED = 8_200_000, 3_150_000
@@ -111,6 +117,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "certificates": len(rows),
         "of more than a leaf": len(many),
+        "fresh / search, all": round(statistics.median(r["fresh"] / r["search"] for r in rows), 3) if rows else None,
         "fresh / search": median(lambda r: r["fresh"] / r["search"]),
         "kept / search": median(lambda r: r["kept"] / r["search"]),
         "bytes": median(lambda r: r["bytes"]),
@@ -123,6 +130,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=7, help="grasps of each size")
     parser.add_argument("--sizes", type=int, nargs="+", default=[3, 4, 5, 6, 8])
     parser.add_argument("--laws", type=int, default=4, help="grasps with joints that rub, of 3 and 4 contacts each")
+    parser.add_argument("--published", type=Path, metavar="FOLDER", help="of `handfast import`: dense grasps, too")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     rows: dict[str, list[dict[str, Any]]] = {}
@@ -137,6 +145,14 @@ def main() -> None:
             g = rubbing(g, friction, 2, np.random.default_rng(seed))
             found = row("joint friction", lambda g=g, d=d: maximum(g, d, settings=SETTINGS))
             rows.setdefault("joints that rub", []).extend([found] if found else [])
+    dense = [(c.name, c.grasp) for c in cases(("power",)) if 8 <= c.grasp.m <= 12][: options.count]
+    dense += published(options.published)[: options.count] if options.published else []
+    bundled = [(file.stem, load_grasp(file)) for file in sorted(BUNDLED.glob("*.json"))]
+    for kind, grasps in (("dense", dense), ("bundled", bundled)):
+        for name, g in grasps:
+            for d in pulls(g):
+                found = row(name, lambda g=g, d=d: maximum(g, d, settings=SETTINGS))
+                rows.setdefault(kind, []).extend([found] if found else [])
     table = {name: summary(found) for name, found in rows.items()}
     options.out.write_text(json.dumps({"machine": describe(), "summary": table, "rows": rows}, indent=1) + "\n")
     for name, figures in table.items():

@@ -297,7 +297,8 @@ class LeafSystems:
           both; if by one, none knows any turning about it.
         - If there are no other forces than those of two contacts, or of one, the six wrench equations say nothing of
           torques about these.
-        - Forces of contacts that only the wrench equations touch have rank 6 at most; those of two 5.
+        - Forces of contacts that only the wrench equations touch have no higher rank than there are such, 6 at most;
+          those of two contacts 5.
         """
         q, at, g = self.equations, self.equations.columns, self.equations.grasp
         own = np.repeat(np.arange(len(leaves)), self.count[leaves])
@@ -323,8 +324,10 @@ class LeafSystems:
         other = (alive & self.E_touches[:6].any(axis=0) & ~forces).any(axis=1)
         torques = np.where(used_E[:, :6].all(axis=1) & ~other, _turns(g, pressed), 0)
         of_E = by_contact(used_E[:, 6:].astype(float) @ self.E_touches[6:, at.c] > 0)
-        bare = (pressed & ~of_E & (of_leaf(by_contact(touches[:, at.c])) == 0)).sum(axis=1)
-        lost = np.where(bare == 2, 1, np.maximum(3 * bare - 6, 0))
+        bare = pressed & ~of_E & (of_leaf(by_contact(touches[:, at.c])) == 0)
+        of_bare = (alive[:, at.c] & np.repeat(bare, 3, axis=1)).sum(axis=1)
+        most = np.minimum(used_E[:, :6].sum(axis=1), np.where(bare.sum(axis=1) == 2, 5, 6))
+        lost = np.maximum(of_bare - most, 0)
         out, motions = [], np.arange(at.n) < at.motions
         for block, fewer, fewer_rows in ((motions, turns, 0), (~motions, lost, torques)):
             some = alive & block
