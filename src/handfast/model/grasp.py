@@ -16,6 +16,7 @@ from handfast.core.presented import Presented
 from handfast.core.schema import LEFT_OUT, InFiles, Vector3
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.mechanism import Mechanism
+from handfast.model.start import Start
 
 if TYPE_CHECKING:
     from handfast.model.provenance import Provenance
@@ -157,6 +158,7 @@ class Grasp(Presented):
         center_of_mass: (3,) of the object [m], object frame; None if unknown. No equation uses mass or centre:
             a load says itself what it is, see `gravity_wrench`.
         provenance: the files of hand, object and configuration; None if unknown.
+        start: the state that a step of a load's path starts from, see `with_start`; None where nothing has moved yet.
 
     Raises:
         InputError: no contacts, `moves` out of range, a joint named twice, names that are not one line of printable
@@ -172,6 +174,7 @@ class Grasp(Presented):
     mass: float | None = None
     center_of_mass: Array | None = None
     provenance: Provenance | None = None
+    start: Start | None = None
 
     def __init__(
         self,
@@ -228,6 +231,7 @@ class Grasp(Presented):
             put(self, "command", self.mechanism.commands(preload))
         else:
             put(self, "command", frozen(preload, (self.mechanism.a,), "preload"))
+        put(self, "start", None)
 
     @classmethod
     def from_matrices(
@@ -433,6 +437,8 @@ class Grasp(Presented):
 
     def with_laws_times(self, s: float) -> Grasp:
         """The same grasp with the friction and the given torques of its joints times s; as it is without any."""
+        if s != 1.0 and self.start is not None:
+            return self.with_start(None).with_laws_times(s).with_start(self.start.times(s))
         if not self.has_laws or s == 1.0:
             return self
         joints = [replace(joint, friction=s * joint.friction, torque=s * joint.torque) for joint in self.joints]
@@ -450,6 +456,21 @@ class Grasp(Presented):
         )
         out = object.__new__(Grasp)  # nothing else depends on the commands, and all of it has been checked
         out.__dict__.update(self.__dict__, command=command)
+        return out
+
+    def with_start(self, start: Start | None) -> Grasp:
+        """The same grasp after a state, from which a step of a load's path starts; None for one where nothing moved.
+
+        `with_contacts` and `about` leave it out.
+
+        Raises:
+            InputError: numbers that are not those of its contacts, joints and actuators.
+        """
+        if start is not None:
+            for name, n in (("gaps", self.m), ("stops", self.l), ("slack", self.mechanism.a)):
+                frozen(getattr(start, name), (n,), f"from.{name}")
+        out = object.__new__(Grasp)  # all else has been checked
+        out.__dict__.update(self.__dict__, start=start)
         return out
 
     def with_friction(self, mu: float) -> Grasp:

@@ -11,7 +11,7 @@ one for a load and joint torques that differ by 1e-9 of the load; SLIPS says tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -93,7 +93,7 @@ def read_answer(data: Any, place: str = "") -> SavedAnswer:
     of_answer.number("seconds", least=0.0)
     of_answer.whole("nodes")
     of_answer.flag("verified")
-    witness = _read_witness(f.object("witness"), question) if f.has("witness") else None
+    witness = read_witness(f.object("witness"), question) if f.has("witness") else None
     proof = f.take("certificate") if f.has("certificate") else None
     certificate = None if proof is None else read_certificate(proof, f.at("certificate"), question)
     of_arcs = tuple(ranges.read_arc(x, question) for x in f.objects("arcs", []))
@@ -104,7 +104,8 @@ def read_answer(data: Any, place: str = "") -> SavedAnswer:
     return SavedAnswer(question, said, witness, certificate, of_arcs, of_slips)
 
 
-def _read_witness(f: Fields, q: Question) -> Witness:
+def read_witness(f: Fields, q: Question) -> Witness:
+    """The witness in a file about a question."""
     wrench, by_name = f.numbers("wrench", (6,)), f.named("command")
     if set(by_name) != set(q.grasp.actuators):
         raise BadFile(f"are not those of the actuators {', '.join(q.grasp.actuators)}", f.at("command"))
@@ -142,7 +143,7 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     if not saved.holds:
         raise Refused(f"{saved.said['verdict'].upper()} with a witness")
     claim, base, along, magnitude, command = query.held(saved, w)
-    if not _close(w.command, command):
+    if not close(w.command, command):
         return None, Replay("witness", claim, "it is a state with other commands")
     found = prove(Problem.of(q, command, base, along, magnitude), w.state, least=query.least(saved))
     reason = "" if found.exact or found.tolerant else found.reason
@@ -200,8 +201,13 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
     shown |= {"certified": saved.certificate is not None, "motion_cap": cap}
     shown |= {"exact": None if proved is None else proved.exact, "motion": None if proved is None else proved.motion}
     shown |= query.shown(saved, proved)
+    compare(said, shown, COURSE)
+
+
+def compare(said: Mapping[str, Any], shown: Mapping[str, Any], course: Collection[str]) -> None:
+    """`Refused` if an answer has other keys than those that are shown, but for `course`, or says otherwise."""
     for key in said:
-        if key not in shown and key not in COURSE:
+        if key not in shown and key not in course:
             raise Refused(f"{key} is nothing that it can say; leave it out")
     for key, value in shown.items():
         if key not in said:
@@ -225,7 +231,7 @@ class Query:
     def held(self, saved: SavedAnswer, w: Witness) -> Held:
         """What the witness of an answer that HOLDS has to be."""
         q = saved.question
-        if not _close(w.wrench, q.wrench):
+        if not close(w.wrench, q.wrench):
             raise Refused("witness: it is a state under another disturbance")
         return "the disturbance is resisted", q.wrench, None, 0.0, q.grasp.command
 
@@ -263,7 +269,7 @@ class Maximum(Query):
     def held(self, saved: SavedAnswer, w: Witness) -> Held:
         base, along, lower = *line(saved), saved.number("lower") or 0.0
         magnitude = float((w.wrench - base) @ along / (along @ along))
-        if not _close(w.wrench, base + magnitude * along) or magnitude < lower:
+        if not close(w.wrench, base + magnitude * along) or magnitude < lower:
             raise Refused("witness: it is a state under another disturbance")
         claim = f"{lower:.6g} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"
         return claim, base, (along if lower > 0 else None), magnitude, saved.question.grasp.command
@@ -356,7 +362,7 @@ class Torques(Query):
     """`torques`: which commands resist the load with the least effort?"""
 
     def held(self, saved: SavedAnswer, w: Witness) -> Held:
-        if not _close(w.wrench, saved.question.wrench):
+        if not close(w.wrench, saved.question.wrench):
             raise Refused("witness: it is a state under another disturbance")
         upper = saved.number("upper")
         return f"commands of {upper or 0.0:.6g} suffice", saved.question.wrench, None, 0.0, w.command
@@ -514,7 +520,7 @@ def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
     return "" if said == shown else f"it says {said}; what is shown is {shown}"
 
 
-def _close(a: Array, b: Array) -> bool:
+def close(a: Array, b: Array) -> bool:
     """The same numbers but for rounding."""
     return bool(np.abs(a - b).max(initial=0.0) <= SAME * np.abs(b).max(initial=0.0))
 

@@ -56,7 +56,8 @@ class Balls:
         missing = _column(self.M.transpose() * arb_mat([[y] for y in phi]))
         missing = [a + b + magnitude * c for a, b, c in zip(missing, self.load, self.along, strict=True)]
         above = [phi[s.laws.rows[i, 0]] - arb(p.force_limit) for i in s.full]
-        value = [*missing, *(d[k] for k in s.kept), *above]
+        at = s.rows.exact
+        value = [*missing, *(d[k] - arb(at[k]) if k in at else d[k] for k in s.kept.tolist()), *above]
         return d, phi, magnitude, K, [value[i] for i in s.used]
 
     def derivative(self, K: list[list[arb]]) -> arb_mat:
@@ -96,7 +97,9 @@ class Balls:
         d, phi, magnitude, *_ = self.at(x)
         held, (motion, (mid, off), forces) = s.rows.held, (_floats(y) for y in (x[: len(s.v)], d, phi))
         (shift,), (shift_off,) = _floats([magnitude])
-        return Box(*motion, np.where(held, 0.0, mid), np.where(held, 0.0, off), *forces, shift, shift_off)
+        at, at_off = s.rows.at, 2 * ULP * np.abs(s.rows.at)
+        mid, off = np.where(held, at, mid), np.where(held, at_off, off)
+        return Box(*motion, mid, off, *forces, shift, shift_off)
 
     def _contained(self, x: list[arb], k: int) -> list[arb]:
         """Balls about x that Newton's test keeps. Raises `NotShown`."""
@@ -128,7 +131,7 @@ def _contact_law(s: System, i: int, rows: list[int], d: list[arb], phi: list[arb
         raise ZeroDivisionError
     u = [d[k] / speed if smooth else arb(0) for k in t]
     by_d = [-cos, *(-sin * y for y in u)]
-    phi[n] = -(cos * d[n] + sin * speed)
+    phi[n] = -(arb(s.p.grasp.gaps[n // 3]) + cos * d[n] + sin * speed)
     for row, lean in zip(
         rows, [arb(1), *(arb(y) - rub * a for y, a in zip(s.laws.lean[i], u, strict=False))], strict=True
     ):

@@ -101,11 +101,13 @@ class Equations:
         """(n,) how large unknowns but r are where motions are 1 N at most, see `reach`; 0 for what nothing bounds.
 
         A contact's |d_n| is at most that of the object, once for its way and once for its turn, and that of its joints;
-        c_n <= |d_n|, |c_t| <= mu c_n, and so the torsion over the lever.
+        c_n <= |d_n|, |c_t| <= mu c_n, and so the torsion over the lever. In a step of a load's path c_n <=
+        |d_n| + |gap|, for motions that are no less than the gaps: `LeafSystems.proved`.
         """
         at, g, out = self.columns, self.grasp, np.zeros(self.columns.n)
         out[at.q] = 1.0 / self.joint_units
         normal = (2.0 + g.sizes[1][0::3] @ (1.0 / g.joint_units)) * (1 + 1e-6)  # and what they may slip besides
+        normal = normal + g.gaps.any()
         out[at.c] = np.column_stack([normal, g.mu * normal, g.mu * normal]).ravel()
         out[at.twist] = (g.mu * normal)[g.soft]
         return out

@@ -199,7 +199,7 @@ def _inside(s: System) -> State:
     for i, kind in enumerate(s.modes.contact.tolist()):
         n, *t = g.contact_rows[i].tolist()
         speed = float(np.sqrt((s.d[t] ** 2).sum()))
-        gap = p.cos * s.d[n] + p.sin * speed
+        gap = g.gaps[i] + p.cos * s.d[n] + p.sin * speed
         by_motion = p.cos * M[n] + (p.sin / speed * (s.d[t] @ M[t]) if p.sin and speed > 0 else 0.0)
         if kind == Contact.OPEN:
             keep(gap, 1.0, by_motion, {})
@@ -215,7 +215,7 @@ def _inside(s: System) -> State:
         if kind == Part.RESTS:
             keep(sign * (s.phi[k] - p.command[j]), unit, None, {k: sign})
         elif kind == Part.MOVES:
-            keep(sign * s.d[k], 1.0 / unit, sign * M[k], {})
+            keep(sign * s.d[k] + g.slack[j], 1.0 / unit, sign * M[k], {})
         if k in place and np.isfinite(p.limit[j]):
             keep(p.limit[j] - abs(s.phi[k]), unit, None, {k: -1.0 if s.phi[k] > 0 else 1.0})
     lo, hi = reaction_ends(g)
@@ -258,7 +258,8 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
     _, _, actuators, _, joints = g.parts
     length = lambda x: np.sqrt((x * x).sum(axis=-1)) * (1 + 8 * ULP)  # noqa: E731
     slides = length(d[:, 1:]) * (1 - 32 * ULP) - length(d_off[:, 1:])
-    gap = p.cos * (d[:, 0] - d_off[:, 0]) + p.sin * np.maximum(slides, 0.0)
+    gap = g.gaps + p.cos * (d[:, 0] - d_off[:, 0]) + p.sin * np.maximum(slides, 0.0)
+    gap = gap - np.where(g.gaps != 0, 16 * ULP * (np.abs(g.gaps) + np.abs(d[:, 0])), 0.0)
     presses = c[:, 0] - c_off[:, 0]
     inside = g.mu * presses * (1 - 8 * ULP) - length(c[:, 1:]) - length(c_off[:, 1:])
     cone = ((modes.contact == Contact.STICKS) | (modes.contact == Contact.RUBS)) & (
@@ -270,12 +271,17 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
     f_off = box.phi_off[actuators] + 4 * ULP * np.abs(f)
     beyond = sense(p) * (f - p.command) - (f_off + 4 * ULP * np.abs(p.command)) * (f != p.command)
     turns = t - box.d_off[actuators]
+    turns = np.where(g.slack != 0, (turns + g.slack) - 4 * ULP * (np.abs(t) + g.slack), turns)
     commanded = (g.command != 0) | g.tendon
     limited = p.limit - np.abs(f) - np.where(np.abs(f) == p.limit, box.phi_off[actuators], f_off)
     lo, hi = reaction_ends(g)
     rho, rho_off, q, q_off = box.phi[joints], box.phi_off[joints], box.d[joints], box.d_off[joints]
     at_rest = (modes.joint == Part.RESTS) | (modes.joint == Part.LOW) | (modes.joint == Part.HIGH)
     carries = np.minimum(np.where(rho == lo, 0.0, rho - lo), np.where(rho == hi, 0.0, hi - rho)) - rho_off
+    side, way = np.sign(g.stops_left), np.abs(g.stops_left)
+    beyond_stop = side * q + way - q_off - 4 * ULP * (np.abs(q) + way)
+    leans = side * rho - g.friction - rho_off - 4 * ULP * (np.abs(rho) + g.friction)
+    went = (side != 0) & (modes.joint != Part.BACK)
     kind, unit_f, unit_t = modes.contact, arms[actuators], 1.0 / arms[actuators]
     all_of = (
         ("contact {}", "is not proved to be open", gap, kind == Contact.OPEN),
@@ -288,6 +294,8 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
         ("joint {}", "is not proved to carry its reaction", carries * arms[joints], at_rest),
         ("joint {}", "is not proved to close", (q - q_off) / arms[joints], modes.joint == Part.MOVES),
         ("joint {}", "is not proved to open", (-q - q_off) / arms[joints], modes.joint == Part.OPENS),
+        ("joint {}", "is not proved to stay off its stop", beyond_stop / arms[joints], went),
+        ("joint {}", "is not proved to lean on its stop", leans * arms[joints], modes.joint == Part.BACK),
     )
     least = np.inf
     for name, fault, value, applies in all_of:

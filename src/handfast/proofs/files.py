@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs import answers, certificate, checker, grasps, holds, synthesis
+from handfast.proofs import answers, certificate, checker, grasps, holds, path_steps, synthesis
 from handfast.proofs.fields import LARGEST, BadFile, Fields
 from handfast.proofs.replay import Replay
 
@@ -65,6 +65,7 @@ def _certificate(data: Any, place: str) -> Replay:
 READERS: dict[str, Callable[[Any, str], Replay]] = {
     answers.SCHEMA: lambda data, place: answers.replay(answers.read_answer(data, place)),
     certificate.SCHEMA: _certificate,
+    path_steps.SCHEMA: lambda data, place: path_steps.replay(path_steps.read_path(data, place)),
     holds.SCHEMA: lambda data, place: holds.replay(holds.read_hold(data, place)),
     synthesis.SCHEMA: lambda data, place: synthesis.replay(data),
     grasps.SCHEMA: grasps.replay_grasps,

@@ -28,6 +28,7 @@ from handfast.proofs.fields import (
     rationals,
     refuse_unknown,
 )
+from handfast.proofs.step_start import StartData
 
 MANY = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
@@ -50,6 +51,7 @@ class GraspData:
         stop: (l,) place in `STOPS`.
         actuators: (a,) names. R: (a, l), A: (k, l) of the mechanism. tendon, backdrivable: (a,) bool.
         command: (a,) f_c [N m or N]; 0 is a locked actuator.
+        start: of a step of a load's path; None where nothing has moved yet.
     """
 
     positions: Array
@@ -71,6 +73,7 @@ class GraspData:
     tendon: Mask
     backdrivable: Mask
     command: Array
+    start: StartData | None = None
 
     @property
     def m(self) -> int:
@@ -94,9 +97,10 @@ class GraspData:
 
     @cached_property
     def stops(self) -> tuple[Mask, Mask]:
-        """(l,) bool each: does the joint stand at its lower stop, and at its upper one?"""
-        both = self.stop == STOPS.index("both")
-        return (self.stop == STOPS.index("lower")) | both, (self.stop == STOPS.index("upper")) | both
+        """(l,) bool each: does the joint stand at its lower stop, and at its upper one? Not where it left it before."""
+        both, there = self.stop == STOPS.index("both"), self.stops_left == 0
+        lower, upper = ((self.stop == STOPS.index(name)) & there for name in ("lower", "upper"))
+        return lower | both, upper | both
 
     @property
     def has_laws(self) -> bool:
@@ -110,9 +114,37 @@ class GraspData:
         out.__dict__.update(known)
         return out
 
+    def with_start(self, start: StartData | None) -> GraspData:
+        """In a step that starts from there."""
+        out = replace(self, start=start)
+        known = {name: value for name, value in self.__dict__.items() if name not in out.__dict__}
+        for name in ("gaps", "stops", "stops_left", "independent_rows"):
+            known.pop(name, None)
+        out.__dict__.update(known)
+        return out
+
+    @cached_property
+    def gaps(self) -> Array:
+        """(m,) [N] of the contacts before the step."""
+        return np.zeros(self.m) if self.start is None else self.start.gaps
+
+    @property
+    def slack(self) -> Array:
+        """(a,) of the actuators before the step; 0 of all but tendons that nobody commands."""
+        own = np.zeros(self.a) if self.start is None else self.start.slack
+        return np.where(self.tendon & (self.command == 0), own, 0.0)
+
+    @cached_property
+    def stops_left(self) -> Array:
+        """(l,) how far each joint had left its stop before the step, negative at an upper one; 0 without a stop."""
+        own = np.zeros(self.l) if self.start is None else self.start.stops
+        names = [STOPS[k] for k in self.stop]
+        return own * np.array([{"lower": 1.0, "upper": -1.0}.get(name, 0.0) for name in names])
+
     def same_but_commands(self, other: GraspData) -> bool:
-        """Are all other numbers and names the same?"""
-        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.name != "command")
+        """Are all other numbers and names the same, but for commands and the start of a step?"""
+        own = "command", "start"
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.name not in own)
         return all(np.array_equal(a, b) for a, b in pairs)
 
     def commands(self, by_name: dict[str, float], field: str) -> Array:

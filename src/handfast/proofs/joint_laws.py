@@ -12,6 +12,8 @@ Each step replaces a law by one that allows the same pairs of motion and torque;
   torque -2 F on it, so that both forces add up to 2 F; and the torque F weights on the joints.
 - *Joints that are tied* to each other rigidly and may move have one friction, of the weighted sum of their motions.
 - Friction of a joint that is held rigidly does nothing.
+- In a step of a load's path friction knows the step's motion, stops and tendons that nobody commands the whole one, t
+  and `slack` together; those that have slack let a joint move both ways.
 
 Actuators with a largest force, passive reaction included, are no part of these mergers. All of it is exact: sums of
 torques are rational numbers, and weights times F are the frictions of the joints without any rounding (`shared`).
@@ -41,6 +43,7 @@ class Equivalent:
         torque: (l + s',) that is given, rounded once. exact: the same as rational numbers.
         drives: is anything given that may put energy in, as springs and backdrivable motors do? Friction only takes.
         held: (l,) bool, joints that are held rigidly.
+        slack: (a',) by how much t of tendons and stops was above 0 before the step.
     """
 
     sliders: int
@@ -53,6 +56,7 @@ class Equivalent:
     exact: list[fmpq]
     drives: bool
     held: Mask
+    slack: Array
 
 
 def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -> Equivalent:
@@ -75,13 +79,15 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
     kept, drives = np.flatnonzero(~back), bool(g.torque.any() or g.command[back].any())
     if not g.has_laws:
         held = np.zeros(g.l, dtype=bool)
-        return Equivalent(0, kept, g.R, g.A, g.tendon, command, g.torque, rationals(g.torque), drives, held)
+        return Equivalent(0, kept, g.R, g.A, g.tendon, command, g.torque, rationals(g.torque), drives, held, g.slack)
     R, f_c = g.R[kept], command[kept]
     free = np.array([g.actuators[i] not in limited for i in kept], dtype=bool)
-    one_sided = ((f_c != 0) | g.tendon[kept] | (False if sought is None else sought[kept])) & free
+    pulls = g.tendon[kept] & (g.slack[kept] == 0)
+    one_sided = ((f_c != 0) | pulls | (False if sought is None else sought[kept])) & free
     locked = ~((f_c != 0) | g.tendon[kept] | (False if sought is None else sought[kept])) & free
     lower, upper = g.stops
     both = lower & upper
+    lower, upper = lower | (g.stops_left > 0), upper | (g.stops_left < 0)
     held, groups = _ties(g.l, [*g.A, *R[locked]], both)
     stops = [(j, 1.0 if lower[j] else -1.0) for j in range(g.l) if lower[j] != upper[j] and not held[j]]
 
@@ -92,7 +98,7 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
             continue
         along = np.zeros(g.l)
         along[rubs] = g.friction[rubs] * np.sign([rates[j] for j in rubs])
-        sense = _sense(rates, stops, R[one_sided], f_c[one_sided], held)
+        sense = _sense(rates, stops, R[one_sided], f_c[one_sided], held, g.stops_left)
         reaction += -sense * along if sense else along
         if not sense:
             sliders.append(shared(along))
@@ -122,10 +128,15 @@ def _ties(l: int, rows: list[Array], both: Mask) -> tuple[Mask, list[dict[int, f
     return held, list({id(group): group for group in groups.values()}.values())
 
 
-def _sense(rates: dict[int, float], stops: list[tuple[int, float]], R: Array, f_c: Array, held: Mask) -> float:
-    """In which sense of the group's rate alone, +1 or -1, a row of one of its joints lets it move; 0 if in both."""
+def _sense(
+    rates: dict[int, float], stops: list[tuple[int, float]], R: Array, f_c: Array, held: Mask, left: Array
+) -> float:
+    """In which sense of the group's rate alone, +1 or -1, a row of one of its joints lets it move; 0 if in both.
+
+    left: (l,) joints that had left their stop.
+    """
     for j, sign in stops:
-        if j in rates:
+        if j in rates and not left[j]:
             return float(sign * np.sign(rates[j]))
     for row, command in zip(R, f_c, strict=True):
         moved = np.flatnonzero((row != 0) & ~held).tolist()
@@ -187,4 +198,5 @@ def _assembled(
         exact,
         drives,
         held,
+        np.concatenate([g.slack[kept], [abs(g.stops_left[j]) for j, _ in stops], np.zeros(2 * len(sliders))]),
     )

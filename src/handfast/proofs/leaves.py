@@ -222,6 +222,7 @@ class LeafSystems:
             self._solve_again(failed, least)
             self._again(failed, least, margins, caps)
             self._exactly(margins, caps)
+        margins = np.where(caps < np.abs(self.equations.grasp.gaps).max(initial=0.0), -np.inf, margins)
         return margins, np.where(margins > 0, caps, np.inf)
 
     def _again(self, leaves: Integers, least: float, margins: Array, caps: Array) -> None:

@@ -108,7 +108,7 @@ class _Curve:
 
     def _actuators(self, q: list[list[fmpq]]) -> None:
         p, g = self.p, self.g
-        turns = sense(p) * self._motions(g.parts[2], q)
+        turns = sense(p) * self._motions(g.parts[2], q, g.slack)
         beyond = sense(p) * (self.f - p.command)
         off = np.abs(beyond).max(axis=0) / g.actuator_arms
         commanded = ((p.command != 0) | g.tendon) & ~g.backdrivable
@@ -128,12 +128,18 @@ class _Curve:
         g = self.g
         (lo, hi), turns = reaction_ends(g), self._motions(g.parts[4], q)
         at_low, at_high = (np.abs(self.reaction - end).max(axis=0) <= EPS * self.F * g.joint_arms for end in (lo, hi))
+        side, left = np.sign(g.stops_left), self._motions(g.parts[4], q, g.stops_left)
         none, some = lo == hi, turns.any(axis=0)
-        closes = at_low & (turns.min(axis=0) >= 0) & some & ~none
-        opens = at_high & (turns.max(axis=0) <= 0) & some & ~none & ~closes
-        self.joint = np.select([none, closes, opens], [Part.FREE, Part.MOVES, Part.OPENS], Part.RESTS)
+        near_stop = np.abs(left).max(axis=0) <= EPS * self.F / g.joint_arms
+        back = (side != 0) & near_stop & ((side * self.reaction).min(axis=0) > g.friction - EPS * self.F * g.joint_arms)
+        lo, hi = np.where(back & (side > 0), g.friction, lo), np.where(back & (side < 0), -g.friction, hi)
+        lo, hi = np.where(back & (side < 0), -np.inf, lo), np.where(back & (side > 0), np.inf, hi)
+        closes = at_low & (turns.min(axis=0) >= 0) & some & ~none & ~back
+        opens = at_high & (turns.max(axis=0) <= 0) & some & ~none & ~closes & ~back
+        kinds = [Part.BACK, Part.FREE, Part.MOVES, Part.OPENS]
+        self.joint = np.select([back, none, closes, opens], kinds, Part.RESTS)
         given = np.where(opens, hi, lo)
-        fixed = none | closes | opens
+        fixed = (none & ~back) | closes | opens
         outside = np.maximum(np.maximum(lo - self.reaction, self.reaction - hi).max(axis=0), 0.0)
         off = np.where(fixed, np.abs(self.reaction - given).max(axis=0), outside)
         self._fault("the reaction of joint '{}' off its law", off / g.joint_arms, g.joints)
@@ -146,22 +152,31 @@ class _Curve:
         _, _, actuators, couplings, joints = g.parts
         held = [actuators.start + k for k in np.flatnonzero(np.isin(self.actuator, (Part.LOCKED, Part.RESTS)))]
         held += [*range(couplings.start, couplings.stop)]
-        held += [joints.start + k for k in np.flatnonzero(self.joint == Part.RESTS)]
+        held += [joints.start + k for k in np.flatnonzero((self.joint == Part.RESTS) | (self.joint == Part.BACK))]
         rows, units = [g.exact_rows[k][6:] for k in held], rationals(1.0 / g.joint_arms)
-        self.q = _projected(q, rows, units)
-        turns = sense(p) * self._motions(actuators, self.q)
+        before = np.concatenate([np.zeros(actuators.start), g.slack, np.zeros(joints.start - actuators.stop)])
+        before = np.concatenate([before, np.where(self.joint == Part.BACK, g.stops_left, 0.0)])
+        q_held = _projected(q, rows, units, rationals(-before[held]))
+        if q_held is None:
+            self.faults["what stops and tendons hold"] = np.inf
+        self.q = q if q_held is None else q_held
+        past = np.where(g.stops_left != 0, np.sign(g.stops_left) * self._motions(joints, self.q, g.stops_left), 0.0)
+        self._fault("the stop of joint '{}'", np.where(past.min(axis=0) < 0, np.inf, 0.0), g.joints)
+        turns = sense(p) * self._motions(actuators, self.q, g.slack)
         back = np.where((self.actuator == Part.MOVES) & (turns.min(axis=0) < 0), np.inf, 0.0)
         self._fault("the sense of actuator '{}'", back, g.actuators)
         turns = np.where(self.joint == Part.OPENS, -1.0, 1.0) * self._motions(joints, self.q)
         back = np.where(np.isin(self.joint, (Part.MOVES, Part.OPENS)) & (turns.min(axis=0) < 0), np.inf, 0.0)
         self._fault("the sense of joint '{}'", back, g.joints)
 
-    def _motions(self, part: slice, q: list[list[fmpq]]) -> Array:
-        """(k+1, n) of rows that know joints alone, rounded once; what is not 0 stays so."""
-        rows = [row[6:] for row in self.g.exact_rows[part]]
-        if not rows or not any(x != 0 for y in q for x in y):
+    def _motions(self, part: slice, q: list[list[fmpq]], before: Array | None = None) -> Array:
+        """(k+1, n) of rows that know joints alone, rounded once; what is not 0 stays so; before: (n,) to be added."""
+        rows, came = [row[6:] for row in self.g.exact_rows[part]], np.zeros(0) if before is None else before
+        if not rows or not (came.any() or any(x != 0 for y in q for x in y)):
             return np.zeros((len(q), len(rows)))
         exact = (fmpq_mat(q) * fmpq_mat(rows).transpose()).tolist()
+        if came.any():
+            exact = [[x + y for x, y in zip(one, rationals(came), strict=True)] for one in exact]
         return np.array([[not_zero(x) for x in y] for y in exact])
 
     # --- contacts
@@ -174,17 +189,20 @@ class _Curve:
         d = np.array([[rounded(x) for x in one] for one in exact])
         d_n, c_n = d[:, : 3 * g.m : 3], self.c[:, :, 0]
         D = np.append(d, np.zeros((len(d), 1)), axis=1)[:, np.minimum(g.contact_rows[:, 1:], rows)]
-        cos = rational(p.cos)
+        cos, gaps = rational(p.cos), rationals(g.gaps)
         pairs = zip(exact, c_n, strict=True)
-        closing = [[rounded(rational(x) + cos * y) for x, y in zip(c, e[::3], strict=False)] for e, c in pairs]
-        press = np.array(closing)  # c_n + cos d_n
+        closing = [
+            [rounded(rational(x) + cos * y + z) for x, y, z in zip(c, e[: 3 * g.m : 3], gaps, strict=True)]
+            for e, c in pairs
+        ]
+        press = np.array(closing)  # c_n + cos d_n, from where it was before
         c_t = np.concatenate([self.c[:, :, 1:], self.twist[:, :, None]], axis=2)
         tangential, size = (np.sqrt((x**2).sum(axis=2)) for x in (c_t, D))
         slow, fast, strength = least_norm(D), size.max(axis=0), mu * np.abs(c_n).max(axis=0)
         speed, speed_off = _norm(D, slow)
         rounding = 8 * ULP * (p.sin * (speed_off + np.abs(speed).max(axis=0)))
-        gap, gap_off = p.cos * d_n + p.sin * speed, p.sin * speed_off + rounding
-        gap_off_open = gap_off + 8 * ULP * np.abs(d_n).max(axis=0)
+        gap, gap_off = g.gaps + p.cos * d_n + p.sin * speed, p.sin * speed_off + rounding
+        gap_off_open = gap_off + 8 * ULP * (np.abs(d_n).max(axis=0) + np.abs(g.gaps))
 
         # (5): how far c_t is outside of the cone; (6), (7): c_t |d_t| + mu c_n d_t, along d_t and across
         edge = 4 * ULP * (tangential + mu * np.abs(c_n))
@@ -266,17 +284,24 @@ class _Curve:
         return Near(self.faults[where], where, modes, self.changed, motion_size(g, at_centroid))
 
 
-def _projected(q: list[list[fmpq]], rows: list[list[fmpq]], units: list[fmpq]) -> list[list[fmpq]]:
-    """The points nearest to each q, coordinates over units, at which all rows (n, l) are 0."""
-    if all(dot(row, y) == 0 for row in rows for y in q):
+def _projected(
+    q: list[list[fmpq]], rows: list[list[fmpq]], units: list[fmpq], at: list[fmpq]
+) -> list[list[fmpq]] | None:
+    """The points nearest to each q, coordinates over units, at which all rows (n, l) are `at`; None if none is."""
+    if all(dot(row, y) == x for row, x in zip(rows, at, strict=True) for y in q):
         return q
-    scaled = fmpq_mat([[x * u for x, u in zip(row, units, strict=True)] for row in rows])
+    n = len(units)
+    both = zip(rows, at, strict=True)
+    scaled = fmpq_mat([[*(x * u for x, u in zip(row, units, strict=True)), end] for row, end in both])
     basis, rank = scaled.rref()
-    H = fmpq_mat([[basis[i, j] for j in range(len(units))] for i in range(rank)])
+    if rank and all(basis[rank - 1, j] == 0 for j in range(n)):
+        return None
+    H = fmpq_mat([[basis[i, j] for j in range(n)] for i in range(rank)])
+    ends = fmpq_mat([[basis[i, n]] for i in range(rank)])
     gram, out = H * H.transpose(), []
     for y in q:
         z = fmpq_mat([[x / u] for x, u in zip(y, units, strict=True)])
-        z -= H.transpose() * gram.solve(H * z)
+        z -= H.transpose() * gram.solve(H * z - ends)
         out.append([z[j, 0] * u for j, u in enumerate(units)])
     return out
 

@@ -118,18 +118,20 @@ class System:
         missing = M.T @ phi + load
         missing_off = unit * (size.T @ np.abs(phi) + load_size) + size.T @ phi_off
         held = np.flatnonzero(rows.held)
-        kept = independent(p, held)
+        kept = independent(p, held, rows)
         if kept is None:
             raise NotShown("what is held at rest is dependent but for rounding", between(modes))
         full = np.flatnonzero(modes.full[modes.closed])
         above = laws.force[full, 0] - p.force_limit
-        value = np.r_[missing, d[kept], above]
-        value_off = np.r_[missing_off, d_off[kept], force_off[full, 0] + 4 * ULP * np.abs(above)]
+        value = np.r_[missing, (d - rows.at)[kept], above]
+        at_off = d_off + 4 * ULP * np.abs(rows.at)
+        value_off = np.r_[missing_off, at_off[kept], force_off[full, 0] + 4 * ULP * np.abs(above)]
         units = np.r_[p.grasp.column_units, 1.0 / p.grasp.row_units[kept], np.ones(len(full))]
         A, A_size = _derivative(p, rows, kept, full, laws, sought)
         gap = (phi - printed) * p.grasp.row_units
         residual = (
-            max(np.abs(x).max(initial=0.0) for x in (value * units, d[held] / p.grasp.row_units[held], gap)) / p.scale
+            max(np.abs(x).max(initial=0.0) for x in (value * units, (d - rows.at)[held] / p.grasp.row_units[held], gap))
+            / p.scale
         )
         args = (
             d,
@@ -245,7 +247,8 @@ class System:
         s_off = float(away[-1]) if self.sought.any() else 0.0
         phi_off[-1] = 0.0
         held = self.rows.held
-        d, d_off = np.where(held, 0.0, self.d), np.where(held, 0.0, d_off)
+        at, at_off = self.rows.at, 2 * ULP * np.abs(self.rows.at)
+        d, d_off = np.where(held, at, self.d), np.where(held, at_off, d_off)
         return Box(self.v, Cv @ radius, d, d_off, self.phi, phi_off, p.magnitude, s_off)
 
 
@@ -295,23 +298,23 @@ def _derivative(
 # --- held rows that depend on each other -----------------------------------------------------------
 
 
-def independent(p: Problem, held: Integers) -> Integers | None:
+def independent(p: Problem, held: Integers, rows: Rows) -> Integers | None:
     """Of rows that are held, some that the others follow from, exactly; None if they follow but for rounding."""
-    known, key = p.grasp.independent_rows, held.tobytes()
+    known, key = p.grasp.independent_rows, held.tobytes() + rows.at[held].tobytes()
     if key not in known:
-        known[key] = _independent(p, held)
+        known[key] = _independent(p, held, rows)
     return known[key]
 
 
-def _independent(p: Problem, held: Integers) -> Integers | None:
+def _independent(p: Problem, held: Integers, rows: Rows) -> Integers | None:
     H = p.grasp.rows[0][held] * p.grasp.column_units / p.grasp.row_units[held, None]
     if not len(H):
         return held
     if len(H) <= H.shape[1] and np.abs(np.diag(np.linalg.qr(H.T)[1])).min() > DEPENDENT:
         return held
     chosen = greedy(H)
-    exact = p.grasp.exact_rows
-    return held[chosen] if rank_of([exact[k] for k in held]) == len(chosen) else None
+    exact = [[*p.grasp.exact_rows[k], rows.exact.get(k, fmpq(0))] for k in held.tolist()]
+    return held[chosen] if rank_of(exact) == len(chosen) else None
 
 
 def greedy(rows: Array) -> Integers:
@@ -350,7 +353,8 @@ def exact_equations(s: System) -> list[list[fmpq] | None]:
     for rows, speed, lean in zip(s.laws.rows.tolist(), s.laws.speed, s.laws.lean, strict=True):
         for k, share in zip(rows, [1.0, *lean], strict=True):
             slope = -rational(p.cos) * rational(share)
-            forces[k] = affine([slope * x for x in M[rows[0]]]) if np.isinf(speed) else None
+            pressed = -rational(p.grasp.gaps[rows[0] // 3]) * rational(share)
+            forces[k] = affine([slope * x for x in M[rows[0]]], constant=pressed) if np.isinf(speed) else None
     forces[-1] = affine()
     for i, k in enumerate(unknown):
         forces[k] = [fmpq(int(j == nv + i)) for j in range(n)]
@@ -362,7 +366,7 @@ def exact_equations(s: System) -> list[list[fmpq] | None]:
         for x, force in parts:
             total = None if total is None or force is None else [t + x * y for t, y in zip(total, force, strict=True)]
         out.append(total)
-    out += [affine(M[k]) for k in s.kept]
+    out += [affine(M[k], constant=-s.rows.exact.get(k, zero)) for k in s.kept.tolist()]
     for i in s.full:
         force = forces[s.laws.rows[i, 0]]
         out.append(None if force is None else [*force[:-1], force[-1] - rational(p.force_limit)])

@@ -22,6 +22,7 @@ import numpy as np
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
+from handfast.proofs.step_start import read_start
 
 CHECK, SMALLEST_PRELOAD, LARGEST, TORQUES = GOALS = "check", "smallest preload", "largest", "torques"
 MAX_ETA = float(np.radians(45.0))
@@ -48,7 +49,7 @@ class Question:
     """What was asked.
 
     Attributes:
-        grasp: with its commands.
+        grasp: with its commands, and the state that a step of a load's path starts from.
         goal: one of `GOALS`; sums: of torques, is the sum of commands sought, not the largest?
         wrench: (6,) [N, N m] object frame, at its origin; 0 where the goal is the smallest preload.
         direction: (6,) that the scalar multiplies, or the load of the smallest preload; 0 for other goals.
@@ -153,7 +154,7 @@ class Question:
         """What a certificate for a range of the scalar says, in words."""
         of = "" if scalar is None else f"{scalar[0]:.6g} to {scalar[1]:.6g}"
         return {
-            CHECK: "the disturbance is not resisted",
+            CHECK: "the disturbance is not resisted" + ("" if self.grasp.start is None else " from the state before"),
             SMALLEST_PRELOAD: f"the direction is not resisted with {of} times the preload",
             LARGEST: f"{of} times the direction is not resisted",
             TORQUES: f"no commands of {of} suffice",
@@ -202,6 +203,13 @@ def read_question(data: Any, place: str) -> Question:
         refuse_unknown(name, g.actuators, "actuator", f.at("driven"))
     if len(set(driven)) < len(driven) or (driven and goal != TORQUES):
         raise BadFile("is for the goal 'torques', each actuator once", f.at("driven"))
+    if f.has("from"):
+        start = read_start(f.take("from"), f.at("from"), (g.m, g.l, g.a))
+        if goal != CHECK or not mdp:
+            right = "it is for the goal 'check', with the dissipation principle"
+            raise BadFile(f"has no meaning here; {right}", f.at("from"))
+        g = g.with_start(start)
+    f.take("from", None)
     f.done()
     zero = np.zeros(6) if direction is None else direction
     return Question(g, goal, effort == "sum", wrench, zero, eta, mdp, limits, force, driven)

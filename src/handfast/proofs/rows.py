@@ -203,6 +203,7 @@ def zeros(q: Question, cases: Integers) -> Mask:
     """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints that are locked."""
     at, m = Columns.of(q), q.grasp.m
     opened, locked = cases[:, :m, 0] == OPEN, (cases[:, m:, 0] == LOCKED) | ~q.may_move
+    locked = locked & (q.equivalent.slack == 0)  # else t = -slack
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)
     out[:, at.c], out[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
@@ -276,8 +277,10 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
         per_scalar, column = np.append(q.load.f_b, 0.0)[j], 0 * index + at.scalar.start
         put(-per_scalar, column, Row.E_UP)
         put(per_scalar, column, Row.E_DOWN)
-    (lo, hi), f_c = bounds(q, scalar), q.load.f_a
-    for k, of_index in ((Row.E_UP, f_c), (Row.E_DOWN, -f_c), (Row.BOUND_UP, lo), (Row.BOUND_DOWN, -hi)):
+    (lo, hi), f_c, gap, slack = bounds(q, scalar), q.load.f_a, q.grasp.gaps, q.equivalent.slack
+    of_forces = (Row.E_UP, f_c), (Row.E_DOWN, -f_c), (Row.BOUND_UP, lo), (Row.BOUND_DOWN, -hi)
+    of_gaps = (Row.GAP_UP, -gap), (Row.DN_UP, -gap), (Row.GAP_DOWN, gap)  # whole motions begin before the step
+    for k, of_index in (*of_forces, *of_gaps, (Row.T_UP, -slack), (Row.T_DOWN, slack)):
         here = order[ends[k] : ends[k + 1]]
         right[here] = of_index[index[here]]
     _put_soft(q, rows, value)
@@ -323,6 +326,10 @@ def _put_energy(q: Question, rows: LeafRows, value: Array, right: Array) -> None
     x, f_c, per_scalar = rows.references[rows.index[here]], q.load.f_a, q.load.f_b
     value[here, at.r], value[here, at.n + 3 * m + a] = q.load.w_a, float(q.load.g_a.any())
     slip = EPS * (1 + 1e-6) * load_scale(q.grasp, q.load.w_a)  # of which friction and pressure make work
-    value[here[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m] + slip * (1 + q.grasp.mu)
+    pressure = -2 * x[:, :m] + slip * (1 + q.grasp.mu)
+    if q.grasp.gaps.any():  # c_n^2 + gap c_n, over cos(eta), is what springs take in a step
+        before = q.grasp.gaps / np.cos(q.eta)
+        pressure += 8 * UNIT * (2 * np.abs(x[:, :m]) + np.abs(before)) - before
+    value[here[:, None], np.arange(at.c.start, at.c.stop, 3)] = pressure
     value[here[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_scalar) * (1 + 4 * UNIT)
     right[here] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)

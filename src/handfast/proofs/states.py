@@ -10,22 +10,27 @@ each row is *held* (its motion is 0), its force is *unknown*, or given, or follo
     locked   t = 0                        rests    t = 0, f beyond its command                   (8)
     moves    f = f_c, t > 0               at its command or limit: t = 0, f is given
 
-and likewise the reactions of joints. Without the maximum dissipation principle the friction of a closed contact is
-unknown and nothing is held. Symbols and signs are those of the paper; see docs/model.md.
+and likewise the reactions of joints. In a step of a load's path these are motions of the step; d^_n, t of tendons that
+nobody commands, and q of joints that had left their stop are whole motions, with `GraspData.start` added: where such a
+row is held, its motion goes back by what it had come. Without the maximum dissipation principle the friction of a
+closed contact is unknown and nothing is held. Symbols and signs are those of the paper; see docs/model.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from math import hypot
 
 import numpy as np
+from flint import fmpq
 
-from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
-from handfast.proofs.grasp import GraspData
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, rational, rounded
+from handfast.proofs.grasp import STOPS, GraspData
 from handfast.proofs.question import Question
+from handfast.proofs.step_start import ALIKE, StartData
 from handfast.proofs.tolerance import load_scale
 
 ULP = 2.0**-53
@@ -136,6 +141,25 @@ class Problem:
         return 0.0 if self.wrench.any() and not self.load.any() else self.scale
 
 
+def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
+    """Where a state of a step came to: what the next one starts from; and by how much that may differ.
+
+    The springs of contacts that press are where their forces are. Differences are `step_start.ALIKE` of the load, which
+    any state may miss, and rounding; a stop or a tendon that is nearer is there.
+    """
+    g, (M, size) = p.grasp, p.grasp.rows
+    d, off = M @ x.motion, ALIKE * p.scale * g.row_units + 8 * len(M) * ULP * (size @ np.abs(x.motion))
+    rows, (_, _, actuators, _, joints) = g.contact_rows, g.parts
+    slides = np.sqrt((d[rows[:, 1:]] ** 2).sum(axis=1))
+    gaps = np.where(x.c[::3] > 0, -x.c[::3], g.gaps + p.cos * d[rows[:, 0]] + p.sin * slides)
+    stopped = np.array([{"lower": 1.0, "upper": -1.0}.get(STOPS[k], 0.0) for k in g.stop])
+    stops = np.abs(g.stops_left) + stopped * d[joints]
+    slack = np.where(g.tendon & (g.command == 0), g.slack + d[actuators], 0.0)
+    stops, slack = (np.where(y <= most, 0.0, y) for y, most in ((stops, off[joints]), (slack, off[actuators])))
+    room = StartData(off[rows].sum(axis=1), 2 * off[joints], 2 * off[actuators])
+    return StartData(gaps, stops, slack), room
+
+
 class Contact(IntEnum):
     """The mode of a contact."""
 
@@ -158,6 +182,7 @@ class Part(IntEnum):
     HIGH = 5  # held, at its upper limit; at the upper end
     LOWEST = 6  # held, at the negative of its limit
     FREE = 7  # moves either way: a backdrivable motor, a joint without a law
+    BACK = 8  # held where its stop is, which it had left before the step, and which carries beyond its friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,11 +215,16 @@ def reaction_ends(g: GraspData) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The laws of all rows in some modes, (N + 1,) each: held, unknown, given forces."""
+    """The laws of all rows in some modes, (N + 1,) each: held, unknown, given forces.
+
+    at: the motions of those that are held: 0 but for what had come away before a step, by row in `exact` as rationals.
+    """
 
     held: Mask
     unknown: Mask
     given: Array
+    at: Array
+    exact: Mapping[int, fmpq]
 
     @classmethod
     def of(cls, p: Problem, modes: Modes) -> Rows:
@@ -217,11 +247,27 @@ class Rows:
         held[couplings] = unknown[couplings] = True
         k, (lo, hi) = modes.joint, reaction_ends(g)
         held[joints] = (k != Part.MOVES) & (k != Part.OPENS) & (k != Part.FREE)
-        unknown[joints] = (k == Part.LOCKED) | (k == Part.RESTS)
+        unknown[joints] = (k == Part.LOCKED) | (k == Part.RESTS) | (k == Part.BACK)
         low, high = (k == Part.MOVES) | (k == Part.LOW), (k == Part.OPENS) | (k == Part.HIGH)
         given[joints] = np.where(low, lo, np.where(high, hi, 0.0))
         held[-1] = unknown[-1] = False
-        return cls(held, unknown, given)
+        at, exact = np.zeros(n), {}
+        if g.start is not None:
+            exact = _come_back(p, modes)
+            at[list(exact)] = [rounded(x) for x in exact.values()]
+        return cls(held, unknown, given, at, exact)
+
+
+def _come_back(p: Problem, modes: Modes) -> dict[int, fmpq]:
+    """Motions of held rows that had come away before the step, by row, but for those that are 0."""
+    g = p.grasp
+    _, _, actuators, _, joints = g.parts
+    out = {int(g.contact_rows[i, 0]): -rational(g.gaps[i]) / rational(p.cos) for i in np.flatnonzero(g.gaps)}
+    out = {k: x for k, x in out.items() if modes.contact[k // 3] == Contact.TOUCHES}
+    pulls = np.isin(modes.actuator, (Part.RESTS, Part.LOW, Part.HIGH, Part.LOWEST)) & (g.slack != 0)
+    out |= {actuators.start + int(j): -rational(g.slack[j]) for j in np.flatnonzero(pulls)}
+    back = np.flatnonzero(modes.joint == Part.BACK)
+    return out | {joints.start + int(j): -rational(g.stops_left[j]) for j in back}
 
 
 def sense(p: Problem) -> Array:
@@ -243,13 +289,15 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
     none_d, none_f = np.maximum(NONE * act * p.grasp.row_units, coarse), NONE * act / p.grasp.row_units
     out = {}
     rows = g.contact_rows
-    of_contacts = (x.tolist() for x in (g.mu, d[rows], phi[rows], none_d[rows].max(axis=1), none_f[rows[:, 0]]))
+    own = (g.mu, g.gaps, d[rows], phi[rows], none_d[rows].max(axis=1), none_f[rows[:, 0]])
+    of_contacts = (x.tolist() for x in own)
     for i, values in enumerate(zip(*of_contacts, strict=True)):
         out[f"contact {i}"] = _contact(p, *values)
     _, _, actuators, _, joints = (range(s.start, s.stop) for s in g.parts)
     d, phi, none_d, none_f = d.tolist(), phi.tolist(), none_d.tolist(), none_f.tolist()
+    slack, left = g.slack.tolist(), g.stops_left.tolist()
     for j, k in enumerate(actuators):
-        e, t = sense(p)[j] * (phi[k] - p.command[j]), sense(p)[j] * d[k]
+        e, t = sense(p)[j] * (phi[k] - p.command[j]), sense(p)[j] * d[k] + slack[j]
         full = [Part.HIGH if phi[k] > 0 else Part.LOWEST] * bool(p.limit[j] - abs(phi[k]) < none_f[k])
         if g.backdrivable[j]:
             kinds = [Part.FREE]
@@ -265,7 +313,9 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
     lo, hi = reaction_ends(g)
     for j, k in enumerate(joints):
         t, over, under, near, still = d[k], phi[k] - lo[j], hi[j] - phi[k], none_f[k], none_d[k]
-        if lo[j] == hi[j]:
+        if lo[j] == hi[j] and left[j]:
+            kinds = [Part.BACK, Part.FREE] if abs(t + left[j]) <= still else [Part.FREE, Part.BACK]
+        elif lo[j] == hi[j]:
             kinds = [Part.FREE]
         elif not np.isfinite(over) and not np.isfinite(under):
             kinds = [Part.LOCKED]
@@ -273,16 +323,18 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
             ends = [Part.LOW] * bool(over < near) + [Part.HIGH] * bool(under < near)
             ways = [Part.MOVES] * bool(over < near and t > 0) + [Part.OPENS] * bool(under < near and t < 0)
             kinds = [*ways, Part.RESTS, *ends] if abs(t) > still else [*ends, Part.RESTS, *ways]
+            if left[j]:  # it leads back to the stop that it had left, or is there
+                kinds = [Part.BACK, *kinds] if abs(t + left[j]) <= still else [*kinds, Part.BACK]
         out[f"joint {j}"] = [(int(x), False) for x in kinds]
     return out
 
 
 def _contact(
-    p: Problem, mu: float, d: list[float], phi: list[float], none_d: float, none_f: float
+    p: Problem, mu: float, before: float, d: list[float], phi: list[float], none_d: float, none_f: float
 ) -> list[tuple[int, bool]]:
-    """Modes of one contact from d_n, d_t, turning and their forces, with what may be none of them."""
+    """Modes of one contact from its gap before, d_n, d_t, turning and their forces, with what may be none of them."""
     slides, rubs = hypot(*d[1:]), hypot(*phi[1:])
-    gap = p.cos * d[0] + p.sin * slides
+    gap = before + p.cos * d[0] + p.sin * slides
     if phi[0] <= none_f:
         near, still = abs(gap) <= none_d, slides <= none_d
         shut = [Contact.TOUCHES] if near else []
@@ -343,7 +395,7 @@ class Laws:
         slides = np.sqrt((D[:, 1:] ** 2).sum(axis=1))
         length = np.where(smooth, slides, np.inf)
         u = D[:, 1:] / np.where(smooth & (slides > 0), slides, np.inf)[:, None]
-        normal = -(p.cos * D[:, 0] + p.sin * np.where(smooth, slides, 0.0))
+        normal = -(p.grasp.gaps[closed] + p.cos * D[:, 0] + p.sin * np.where(smooth, slides, 0.0))
         by_d = np.concatenate([np.full((len(D), 1), -p.cos), -p.sin * u], axis=1)
         across = np.eye(3) - u[:, :, None] * u[:, None, :]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -362,7 +414,8 @@ class Laws:
     def rounding(self, p: Problem, d: Array) -> Array:
         """(n,) of the forces at these motions, at most."""
         D = np.abs(d[self.rows])
-        return 16 * ULP * (D[:, 0] + p.sin * D[:, 1:].sum(axis=1) + np.abs(self.force).sum(axis=1))
+        gaps = np.abs(p.grasp.gaps[self.rows[:, 0] // 3])
+        return 16 * ULP * (gaps + D[:, 0] + p.sin * D[:, 1:].sum(axis=1) + np.abs(self.force).sum(axis=1))
 
     def change(self, p: Problem, reach: Array) -> Array:
         """(n,) by which an entry of K changes at most for motions that differ by up to `reach` (n,); inf if unknown."""

@@ -78,7 +78,10 @@ def slack(g: GraspData, scale: float) -> Array:
 
 
 def drives(q: Question) -> float:
-    """[N] the largest of commands, limits, given torques and friction of joints, each where it meets a contact."""
+    """[N] the largest of commands, limits, given torques and friction of joints, each where it meets a contact.
+
+    In a step of a load's path contact forces from before as well.
+    """
     g, e = q.grasp, q.equivalent
     touching = g.J.any(axis=0) | g.twist_jacobian.any(axis=0)
     moves = (g.R[:, touching] != 0).any(axis=1)
@@ -88,7 +91,8 @@ def drives(q: Question) -> float:
     of_joints = ((np.abs(g.torque) + g.friction) / g.joint_arms)[free]
     back = (np.abs(g.command) / g.actuator_arms)[moves & g.backdrivable]
     force = q.force_limit if np.isfinite(q.force_limit) else 0.0
-    return float(max(x.max(initial=0.0) for x in (of_actuators, of_joints, back, np.array([force]))))
+    pressed = -g.gaps  # before a step of a load's path
+    return float(max(x.max(initial=0.0) for x in (of_actuators, of_joints, back, pressed, np.array([force]))))
 
 
 def farthest(q: Question) -> float:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.core.presented import Presented
-from handfast.proofs import answers
+from handfast.proofs import answers, path_steps
 from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
@@ -27,10 +28,28 @@ from handfast.proofs.states import Problem
 from handfast.proofs.states import State as StateData
 from handfast.stability.problem.bound_problem import BoundProblem, grasp_data, stated
 from handfast.stability.problem.model import State
+from handfast.stability.problem.objective import ANY_STATE, INF
+from handfast.stability.problem.scaled_problem import ScaledProblem
+from handfast.stability.problem.settings import OnStep, Settings
 from handfast.stability.problem.witness import Witness
+from handfast.stability.search.solve import clock_of, solve
 
 if TYPE_CHECKING:
     from handfast.stability.search.proof import Proof
+
+
+class Pathed(Protocol):
+    """The steps of a load's path, as far as every answer has to know them."""
+
+    @property
+    def exact(self) -> bool | None: ...
+    @property
+    def motion(self) -> float | None: ...
+    def said(self) -> dict[str, Any]: ...
+    def to_file(self, answer: dict[str, Any]) -> dict[str, Any]: ...
+
+
+Kind = TypeVar("Kind", bound="Answer")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +63,8 @@ class Answer(Presented, ABC):
         seconds, nodes: its cost: wall time, nodes of the tree.
         found: the exact solution behind `verdict` or `lower`, as it was found; see `witness`.
         proof: what the other bound rests on; None without one.
-        posed: the problem and the goal of the search.
+        posed: the problem and the goal of the search; of a load's path that of the last step.
+        path: the states from rest to there, where the load comes after the commands; see `load_path.LoadPath`.
         verified: was everything that it says replayed, the proof by the independent checker?
     """
 
@@ -57,6 +77,7 @@ class Answer(Presented, ABC):
     found: Witness | None
     proof: Proof | None = field(repr=False)
     posed: BoundProblem | None = field(default=None, kw_only=True, repr=False)
+    path: Pathed | None = field(default=None, kw_only=True, repr=False)
     verified: bool = field(default=False, kw_only=True)
 
     @property
@@ -176,11 +197,15 @@ class Answer(Presented, ABC):
     @property
     def exact(self) -> bool | None:
         """Is an exact state proved to exist, for the numbers as they are? None without a witness."""
+        if self.path is not None:
+            return self.path.exact
         return None if self.proved is None else self.proved.exact
 
     @property
     def motion(self) -> float | None:
         """[N] how large the virtual motions of the state that is proved are, see `tolerance.motion_size`; or None."""
+        if self.path is not None:
+            return self.path.motion
         return None if self.proved is None else self.proved.motion
 
     @abstractmethod
@@ -195,22 +220,28 @@ class Answer(Presented, ABC):
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
-        return header(self, self.query) | self.proof_json() | self.said()
+        path = self.path.said() if self.path is not None else {}
+        return header(self, self.query) | self.proof_json() | self.said() | path
 
     def to_file(self) -> dict[str, Any]:
-        """The `handfast/result/1` object: question, answer, witness, certificate. `InputError` without a question."""
+        """The `handfast/result/1` object: question, answer, witness, certificate. `InputError` without a question.
+
+        Of a load's path a `handfast/path/1` object.
+        """
         if self.posed is None:
             raise InputError("does not know its question; save what a query returned", field="answer")
+        if self.path is not None:
+            return self.path.to_file(self.to_json())
         return {
             "schema": answers.SCHEMA,
             "question": self.posed.to_json(),
             "answer": self.to_json(),
-            "witness": None if self.witness is None else _witness_json(self.witness),
+            "witness": None if self.witness is None else witness_json(self.witness),
             "certificate": None if self.certificate is None else proof_to_dict(self.certificate),
         }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write a `handfast/result/1` file. For `handfast.verify`.
+        """Write a `handfast/result/1` file, or a `handfast/path/1` file. For `handfast.verify`.
 
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.
@@ -223,7 +254,21 @@ class Answer(Presented, ABC):
         Raises:
             InputError: it does not know its question.
         """
+        if self.path is not None:
+            return path_steps.replay(path_steps.read_path(self.to_file()))
         return answers.replay(answers.read_answer(self.to_file()))
+
+
+def any_state(
+    kind: Callable[..., Kind], p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, **hints: Any
+) -> Kind:
+    """Is there any state of a problem, as an answer of a kind that needs no more? hints: as of `solve`."""
+    limits = clock_of(settings)
+    found = solve(p, ANY_STATE, settings, on_progress, **hints)
+    verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
+    backing: dict[str, Any] = {"posed": BoundProblem(p, ANY_STATE), "verified": found.backed}
+    answer = kind(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
+    return answer.settled(limits.end) if settings.verify else answer
 
 
 def _grasp(posed: BoundProblem, w: Witness) -> GraspData:
@@ -238,7 +283,8 @@ def state_json(s: State | StateData) -> dict[str, Any]:
     return {name: value.tolist() for name, value in arrays.items()}
 
 
-def _witness_json(w: Witness) -> dict[str, Any]:
+def witness_json(w: Witness) -> dict[str, Any]:
+    """A witness as files have it."""
     commands = dict(zip(w.grasp.mechanism.actuators, w.grasp.command.tolist(), strict=True))
     return {"wrench": np.asarray(w.wrench).tolist(), "command": commands, **state_json(w.state)}
 

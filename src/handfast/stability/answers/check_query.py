@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, overload
@@ -12,16 +13,14 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
-from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.answer import Answer, any_state
+from handfast.stability.answers.load_path import LoadPath, check_path, comes_after
 from handfast.stability.answers.margin import Margin
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
-from handfast.stability.problem.objective import ANY_STATE, INF
-from handfast.stability.problem.scaled_problem import ScaledProblem
-from handfast.stability.problem.settings import OnStep, Settings
-from handfast.stability.search.solve import clock_of, solve, time_left
+from handfast.stability.problem.settings import Loading, OnStep, Settings
+from handfast.stability.search.solve import clock_of, time_left
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
 
@@ -39,7 +38,10 @@ class CheckAnswer(Answer):
     margin: Margin | None = field(default=None, kw_only=True)
 
     def said(self) -> dict[str, Any]:
-        return self.state_json() | {"margin": self.margin.to_json() if self.margin else None}
+        out = self.state_json() | {"margin": self.margin.to_json() if self.margin else None}
+        if not isinstance(self.path, LoadPath):
+            return out
+        return out | {"reached": self.path.reached, "slips_at": self.path.slips_at}
 
     def to_file(self) -> dict[str, Any]:
         """Without the margin, which nothing in a file would prove; `Margin.verify` replays it."""
@@ -53,6 +55,7 @@ def check(
     *,
     limits: GraspLimits = ...,
     mdp: bool = ...,
+    loading: Loading = ...,
     settings: Settings | None = ...,
     on_progress: OnStep | None = ...,
 ) -> CheckAnswer: ...
@@ -63,6 +66,7 @@ def check(
     *,
     limits: GraspLimits = ...,
     mdp: bool = ...,
+    loading: Loading = ...,
     settings: Settings | None = ...,
     on_progress: OnStep | None = ...,
 ) -> list[CheckAnswer]: ...
@@ -73,6 +77,7 @@ def check(
     *,
     limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
+    loading: Loading = "together",
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
 ) -> CheckAnswer | list[CheckAnswer]:
@@ -85,6 +90,8 @@ def check(
         limits: uncertainty of the contact normals, largest forces of actuators and at contacts.
         mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
             literature), for comparison only: it creates energy out of nothing.
+        loading: "together" is the paper's question, commands and load at once; "preload-first" asks for a path on which
+            the load grows after the commands alone are in balance: `CheckAnswer.path`, docs/load-path.md.
         settings: precision, limits; of each question, if there are several.
         on_progress: called while it runs, with the bounds so far.
 
@@ -94,6 +101,7 @@ def check(
     asked: dict[str, Any] = {
         "limits": limits,
         "mdp": mdp,
+        "loading": loading,
         "settings": settings or Settings(),
         "on_progress": on_progress,
     }
@@ -119,24 +127,28 @@ def _check(
     *,
     limits: GraspLimits,
     mdp: bool,
+    loading: Loading,
     settings: Settings,
     on_progress: OnStep | None,
 ) -> CheckAnswer:
     """The answer for one wrench."""
+    after = comes_after(loading, mdp)
     p = scaled_problem.build(grasp, wrench, limits=limits, mdp=mdp)
+    if after:
+        start = time.monotonic()
+        return _of_path(check_path(p, settings, on_progress), time.monotonic() - start)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
         clock = clock_of(settings)
-        modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_progress)
+        modest = any_state(CheckAnswer, replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_progress)
         if modest.verdict is Verdict.HOLDS:
             return modest
         settings = time_left(settings, clock)
-    return _any_state(p, settings, on_progress)
+    return any_state(CheckAnswer, p, settings, on_progress)
 
 
-def _any_state(p: ScaledProblem, settings: Settings, on_progress: OnStep | None) -> CheckAnswer:
-    limits = clock_of(settings)
-    found = solve(p, ANY_STATE, settings, on_progress)
-    verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
-    backing: dict[str, Any] = {"posed": BoundProblem(p, ANY_STATE), "verified": found.backed}
-    answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
-    return answer.settled(limits.end) if settings.verify else answer
+def _of_path(path: LoadPath, seconds: float) -> CheckAnswer:
+    """The answer at the end of a path; a state is shown where that is the whole load."""
+    backing = path.backing(seconds)
+    if backing["verdict"] is not Verdict.HOLDS:
+        backing |= {"found": None, "posed": path.whole}
+    return CheckAnswer(**backing)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from handfast.core.answer import Stop, Verdict
+from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
@@ -20,6 +20,7 @@ from handfast.proofs.newton import NotShown, System
 from handfast.proofs.states import Modes, Problem
 from handfast.proofs.states import State as StateData
 from handfast.stability.answers.answer import Answer, finite, state_json
+from handfast.stability.answers.load_path import LoadPath, comes_after, path_end
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.equivalent_grasp import runs_away
@@ -27,7 +28,7 @@ from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
-from handfast.stability.problem.settings import OnStep, Settings
+from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search.solve import clock_of, solve, time_left, without_end
 
@@ -65,6 +66,8 @@ class MaxAnswer(Answer):
         None where nothing shows that.
         """
         if not (self.lower > 0 and np.isfinite(self.upper)) or self.posed is None or self.witness is None:
+            return None
+        if self.path is not None:
             return None
         from handfast.stability.search.supremum import limit_from
 
@@ -126,7 +129,9 @@ class MaxAnswer(Answer):
 
     @property
     def _along(self) -> Array | None:
-        return self.posed.problem.along if self.posed is not None and self.lower > 0 else None
+        if self.posed is None or self.path is not None or not self.lower > 0:
+            return None
+        return self.posed.problem.along
 
     def said(self) -> dict[str, Any]:
         return {
@@ -157,6 +162,7 @@ def maximum(
     limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
     interval: bool = False,
+    loading: Loading = "together",
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
 ) -> MaxAnswer:
@@ -169,11 +175,29 @@ def maximum(
             are a force at the object's origin.
         base: (6,) a constant load such as gravity, or (3,) a force.
         interval: show which smaller magnitudes are resisted, too, see `search/interval_search`.
+        loading: as of `check`; with "preload-first" the load grows from 0 on a path, `lower` is the last magnitude that
+            it reaches and `upper` one that cannot be reached from there. Larger ones may be resisted on other ways.
 
     The other arguments and errors are those of `check`.
     """
+    settings = settings or Settings()
+    if comes_after(loading, mdp, base=base, interval=interval):
+        clock = clock_of(settings)
+        p = scaled_problem.build(grasp, scaled_problem.as_direction(direction), limits=limits)
+        return _of_path(path_end(p, settings, on_progress), clock)
     p = scaled_problem.build(grasp, np.zeros(6) if base is None else base, direction, limits=limits, mdp=mdp)
-    return largest(p, settings or Settings(), on_progress, interval=interval)
+    return largest(p, settings, on_progress, interval=interval)
+
+
+def _of_path(path: LoadPath, clock: SearchLimits) -> MaxAnswer:
+    """The answer at the end of a path."""
+    lower, upper = path.reached or 0.0, INF if path.slips_at is None else path.slips_at
+    backing = path.backing(clock.seconds)
+    verdict = Verdict.HOLDS if lower > 0 else backing["verdict"] if upper < INF else Verdict.UNDECIDED
+    unbounded = upper == INF and backing["verdict"] is Verdict.HOLDS and lower > 0
+    if not lower > 0:
+        backing["found"] = None
+    return MaxAnswer(**backing | {"verdict": verdict}, lower=lower, upper=upper, unbounded=unbounded)
 
 
 def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:

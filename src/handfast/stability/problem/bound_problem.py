@@ -3,26 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
+from handfast.core.schema import written
 from handfast.model.grasp import Grasp
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.question import Question
 from handfast.proofs.states import State as StateData
+from handfast.proofs.step_start import StartData
 from handfast.readers import grasp_file
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 
 
+@dataclass(frozen=True)
+class _Parts:
+    """What `GraspData` is made of, but for the start of a step."""
+
+    parts: tuple[Any, ...]
+    grasp: Grasp = field(compare=False)
+
+
 @lru_cache(maxsize=64)  # of a grasp that is asked again and again
 def grasp_data(grasp: Grasp) -> GraspData:
     """A grasp as proofs read it from a file."""
-    return read_grasp(grasp_file.to_dict(grasp), "grasp")
+    if grasp.start is None:
+        return read_grasp(grasp_file.to_dict(grasp), "grasp")
+    bare = _without_start(_Parts((grasp.contacts, grasp.joints, grasp.mechanism, grasp.command.tobytes()), grasp))
+    return bare.with_start(StartData(grasp.start.gaps, grasp.start.stops, grasp.start.slack))
+
+
+@lru_cache(maxsize=8)  # of all steps of a path
+def _without_start(made_of: _Parts) -> GraspData:
+    return read_grasp(grasp_file.to_dict(made_of.grasp), "grasp")
 
 
 def stated(s: State) -> StateData:
@@ -75,7 +93,7 @@ class BoundProblem:
     def to_json(self) -> dict[str, Any]:
         """The question as it stands in files."""
         p, q = self.problem, self.question
-        return {
+        said = {
             "grasp": grasp_file.to_dict(p.grasp),
             "goal": q.goal,
             "objective": "sum" if q.sums else "max",
@@ -83,4 +101,6 @@ class BoundProblem:
             "direction": q.direction.tolist() if self.goal.has_direction else None,
             "mdp": q.mdp,
             "driven": list(q.driven),
-        } | p.limits.to_json()
+        }
+        said |= {} if p.grasp.start is None else {"from": written(p.grasp.start)}
+        return said | p.limits.to_json()

@@ -16,7 +16,8 @@ motion and torque; proofs are in docs/joint-laws.md.
 - Friction of a joint that is held rigidly does nothing.
 
 Actuators with a largest force, passive reaction included, are no part of these mergers: what friction carries beside
-them does not count towards their limit.
+them does not count towards their limit. In a step of a load's path friction knows the step's motion, stops and tendons
+that nobody commands the whole one: those that have moved away do not keep a joint from moving either way.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.model.grasp import LARGEST, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
+from handfast.model.start import Start
 from handfast.proofs.fields import not_zero
 from handfast.proofs.joint_laws import given_torques, shared
 from handfast.stability.problem import model
@@ -222,11 +224,12 @@ class _Replacing:
         self.command = command[self.kept]
         self.R = mech.R[self.kept]
         tendon = np.array(mech.tendon, dtype=bool)[self.kept]
-        one_sided = (self.command != 0) | tendon
+        self.start = start = grasp.start or Start(np.zeros(grasp.m), np.zeros(grasp.l), np.zeros(mech.a))
+        one_sided = (self.command != 0) | (tendon & (start.slack[self.kept] == 0))
         if driven is not None:
             one_sided |= driven[self.kept]
         free = np.array([mech.actuators[i] not in limited for i in self.kept], dtype=bool)
-        self.one_sided, self.rigid = one_sided & free, ~one_sided & free
+        self.one_sided, self.rigid = one_sided & free, ~(one_sided | tendon) & free
         self.reaction = np.zeros(grasp.l)
         self.both = [j for j, joint in enumerate(grasp.joints) if joint.stop == "both"]
         self.held, self.tie = self._ties()
@@ -264,7 +267,7 @@ class _Replacing:
     def _sense(self, group: dict[int, float]) -> float:
         """In which sense alone, +1 or -1 in the group's rate, a row of one of its joints lets it move; 0 if in both."""
         for j, sign in self.stops:
-            if j in group:
+            if j in group and self.start.stops[j] == 0:
                 return float(sign * np.sign(group[j]))
         for row, command in zip(self.R[self.one_sided], self.command[self.one_sided], strict=True):
             moved = np.flatnonzero((row != 0) & ~self.held).tolist()
@@ -339,6 +342,10 @@ class _Replacing:
         tendon = [mech.tendon[i] for i in self.kept] + [True] * (rows - own)
         command = np.concatenate([self.command, np.zeros(rows - own)])
         plain = Grasp(g.contacts, joints, Mechanism(tuple(actuators), R, A, tuple(tendon)), command, g.name)
+        if g.start is not None:
+            way = [g.start.stops[j] for j, _ in self.stops]
+            slack = np.concatenate([g.start.slack[self.kept], way, np.zeros(2 * len(sliders))])
+            plain = plain.with_start(Start(g.start.gaps, np.zeros(l), slack))
         arms = np.concatenate([arms, [arm for _, _, arm in sliders]])
         return EquivalentGrasp(
             g, plain, self.kept, arms, self.reaction, of_forces, of_couplings, self.held, tuple(stops), tuple(pairs)

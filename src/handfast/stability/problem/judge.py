@@ -19,6 +19,7 @@ from handfast.stability.problem.model import (
     StateRows,
     actuator_motion,
     arms_of_actuators,
+    beyond_stops,
     commanded,
     cone_excess,
     cross_rows,
@@ -209,12 +210,16 @@ def _residuals(grasp: Grasp, w: Array, x: State | StateRows, f_c: Array, eta: fl
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
     sense = np.where(f_c < 0, -1.0, 1.0)
-    t = sense * sums.t * own.actuators
+    t = sense * (sums.t + _of_start(grasp, "slack")) * own.actuators
     slack = sense * (x.f - f_c) / own.actuators
     missed = np.maximum.reduce([-t, -slack, np.minimum(np.abs(t), np.abs(slack))])
     actuator = np.where((f_c != 0) | own.moves, missed, np.abs(t))
     actuator = np.where(own.backdrivable, np.abs(slack), actuator)
-    reaction = reaction_defect(x.q * own.joints, x.reaction / own.joints, *own.reaction)
+    side, carried = beyond_stops(grasp, x.reaction)
+    reaction = reaction_defect(x.q * own.joints, (x.reaction - carried) / own.joints, *own.reaction)
+    if side.any():
+        left = np.where(side != 0, _of_start(grasp, "stops") + side * x.q, np.inf) * own.joints
+        reaction = np.maximum.reduce([reaction, -left, np.minimum(left, np.abs(carried) / own.joints)])
     dissipation = dissipation_defect(c[..., 0], rubs, slides, grasp.mu) / np.maximum(dt, _wide(F, 1))[..., None]
     slip = np.abs(sums.couplings)[..., None] * own.slip
 
@@ -228,12 +233,17 @@ def _residuals(grasp: Grasp, w: Array, x: State | StateRows, f_c: Array, eta: fl
         object_balance=np.maximum(lengths(sums.object[..., :3]), lengths(moment) / grasp.size) / F,
         joint_balance=worst(np.abs(sums.joints) / own.units),
         couplings=worst(slip, 2),
-        normal=worst(np.abs(c[..., 0] - spring_force(d, eta))),
+        normal=worst(np.abs(c[..., 0] - spring_force(d, eta, _of_start(grasp, "gaps")))),
         cone=np.maximum(worst(cone_excess(c[..., 0], rubs, grasp.mu)), idle),
         dissipation=worst(np.abs(dissipation), 2) if mdp else np.zeros(many)[()],
         actuators=worst(actuator),
         reactions=worst(reaction),
     )
+
+
+def _of_start(grasp: Grasp, name: str) -> Any:
+    """A part of the state that a step starts from, 0 where nothing has moved yet."""
+    return 0.0 if grasp.start is None else getattr(grasp.start, name)
 
 
 def _wide(x: Any, axes: int) -> Array:

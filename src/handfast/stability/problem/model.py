@@ -192,9 +192,12 @@ def normal_motion(d: Array, eta: float = 0.0) -> Array:
     return d[..., 0] * np.cos(eta) + lengths(d[..., 1:]) * np.sin(eta)
 
 
-def spring_force(d: Array, eta: float = 0.0) -> Array:
-    """(m,) c_n = max(0, -d_n), unilateral springs of unit stiffness: equation (4)."""
-    return np.maximum(0.0, -normal_motion(d, eta))
+def spring_force(d: Array, eta: float = 0.0, gaps: Array | float = 0.0) -> Array:
+    """(m,) c_n = max(0, -d_n), unilateral springs of unit stiffness: equation (4).
+
+    gaps: (m,) [N] d_n from before the step, see `Start`.
+    """
+    return np.maximum(0.0, -(gaps + normal_motion(d, eta)))
 
 
 def cone_excess(normal: Array, rubs: Array, mu: Array) -> Array:
@@ -234,11 +237,23 @@ def reaction_range(grasp: Grasp) -> tuple[Array, Array]:
 
     rho = lo where q_j > 0 and hi where q_j < 0: dry friction takes all that it can (maximum dissipation in one
     dimension), and no joint moves into a stop, since nothing equals an infinite reaction. A positive reaction closes.
+    Stops that a joint had left before the step are `beyond_stops`.
     """
     friction = grasp.joint_friction
-    upper = np.array([joint.stop in ("upper", "both") for joint in grasp.joints], dtype=bool)
-    lower = np.array([joint.stop in ("lower", "both") for joint in grasp.joints], dtype=bool)
+    there = np.ones(grasp.l, dtype=bool) if grasp.start is None else grasp.start.stops == 0
+    upper = there & np.array([joint.stop in ("upper", "both") for joint in grasp.joints], dtype=bool)
+    lower = there & np.array([joint.stop in ("lower", "both") for joint in grasp.joints], dtype=bool)
     return np.where(upper, -np.inf, -friction), np.where(lower, np.inf, friction)
+
+
+def beyond_stops(grasp: Grasp, reaction: Array) -> tuple[Array, Array]:
+    """(l,) and (..., l): senses of the joints that had left their stop before the step, and what of it stops carry.
+
+    Friction takes F against the step's motion; only where the whole motion comes back to the stop does that carry more.
+    """
+    side = np.array([{"lower": 1.0, "upper": -1.0}.get(joint.stop, 0.0) for joint in grasp.joints])
+    side = side * (0.0 if grasp.start is None else grasp.start.stops > 0)
+    return side, side * np.maximum(0.0, side * reaction - grasp.joint_friction)
 
 
 def reaction_defect(q: Array, reaction: Array, lo: Array, hi: Array) -> Array:

@@ -115,7 +115,19 @@ class ScaledProblem:
     @property
     def is_given(self) -> bool:
         """Does anything act whose size is given, beside loads and commands, so that states are no multiples?"""
-        return self.equivalent.is_given
+        return self.equivalent.is_given or self.grasp.start is not None
+
+    @property
+    def gaps(self) -> Array:
+        """(m,) scaled `Start.gaps`; 0 where nothing has moved yet."""
+        start = self.grasp.start
+        return np.zeros(len(self.mu)) if start is None else start.gaps / self.force
+
+    @property
+    def slack(self) -> Array:
+        """(a,) scaled `Start.slack` of the equivalent grasp, its stops included."""
+        start = self.equivalent.plain.start
+        return np.zeros(len(self.R)) if start is None else start.slack * np.abs(self.actuator_scale) / self.force
 
     def size_of(self, w: Array) -> float:
         """[N] a disturbance (6,), wherever the object's frame is and however it is turned."""
@@ -215,7 +227,7 @@ def build(
             actuator, a disturbance that the contacts cannot balance (outside the range of G).
     """
     w0 = as_wrench(w0, "wrench")
-    d = np.zeros(6) if direction is None else _direction(direction)
+    d = np.zeros(6) if direction is None else as_direction(direction)
     if limits.eta > 0 and not mdp:
         raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
     if limits.eta > 0:
@@ -404,7 +416,8 @@ def as_wrench(w: object, field: str = "wrench") -> Array:
     return a
 
 
-def _direction(direction: object) -> Array:
+def as_direction(direction: object) -> Array:
+    """(6,) `as_wrench` of a direction. Raises `InputError` for one that is zero."""
     d = as_wrench(direction, "direction")
     if not np.abs(d).max() >= LEAST:
         raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.core.parallel import default_jobs as default_jobs
 
 INF = float("inf")
+Loading = Literal["together", "preload-first"]  # commands and load at once, or first the commands, then the load
 
 
 @dataclass(frozen=True)

@@ -54,10 +54,11 @@ class KernelQuestion(NamedTuple):
     objective: int  # what is sought: `ANY` to `SUM_OF_EFFORTS`
     capped: bool  # the box holds for motions up to a cap, and rays may cite it
     C: RealMatrix  # (F, n) forces are C z + off
-    D: RealMatrix  # (motions, n) motions are D z
+    D: RealMatrix  # (motions, n) see `before`
     CT: RealMatrix  # (unknown forces, F filled up) C transposed, without the unknowns that are zero in it
     DT: RealMatrix  # (unknown motions, motions filled up) D transposed, likewise
     off: Reals  # (F filled up)
+    before: Reals  # (motions filled up) motions are D z + before: how far springs, stops and tendons had come
     mu: Reals  # (m,) coefficients of friction
     soft: Wholes  # (m,) which soft finger a contact is, -1 for a point contact
     twist: int  # where torsions over levers begin among the forces, which they end

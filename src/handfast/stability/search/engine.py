@@ -58,7 +58,7 @@ def search(
     r = reduce(p, goal, endless=endless, within=within)
     guess = [r.at_magnitude(*known) for known in near]
     if not goal.has_scalar and not (r.load.w_a.any() or r.load.f_a.any()):
-        guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
+        guess = [*guess, np.zeros(len(r.cost))]  # nothing acts: nothing moves
 
     def beyond(value: float, nodes: int, seconds: float) -> Array | None:
         return _beyond(r, value, replace(settings, nodes=nodes, timeout=max(seconds, LEAST), verify=False))

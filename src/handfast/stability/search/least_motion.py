@@ -82,6 +82,7 @@ def _moving_less(r: Reduced, best: Witness, bound: float) -> Witness | None:
         r,
         D=D,
         DT=padded(D[:, : rows.shape[1]].T),
+        before=padded(np.insert(r.before[: len(r.D)], at, np.zeros(len(rows)))),
         lo=np.insert(r.lo, where, np.full(len(rows), -bound)),
         hi=np.insert(r.hi, where, np.full(len(rows), bound)),
         names=(*r.names[:where], *(("motion", i) for i in range(len(rows))), *r.names[where:]),

@@ -82,8 +82,8 @@ class Reduced:
         active: (a',) the actuators that may move, in the order of the base values; driven: (a',) bool.
         M: (6 + l, nu) basis of the motions; Y: (ny, nv), y0: (ny,): forces y = y0 + Y v with
             y = (c, f of `kept` actuators, scalar, efforts, torsions over levers).
-        C, D: (., n) base values of `rows`, forces C z + off and motions D z; CT, DT: transposed, without the unknowns
-            that are zero. These and off are filled with zeros up to whole vectors of the processor.
+        C, D: (., n) base values of `rows`, forces C z + off and motions D z + before; CT, DT: transposed, without the
+            unknowns that are zero. These, off and before are filled with zeros up to whole vectors of the processor.
         lo, hi: (P,) bounds of the plain base values; names: what each of them bounds.
         box: (n,) where programs begin: |z| there.
         cap: largest (scaled) motion, inf without end; with one, z is within the box, which rays may cite.
@@ -110,6 +110,7 @@ class Reduced:
     CT: Array
     DT: Array
     off: Array
+    before: Array
     lo: Array
     hi: Array
     names: tuple[tuple[str, int], ...]
@@ -157,6 +158,7 @@ class Reduced:
             CT=self.CT,
             DT=self.DT,
             off=self.off,
+            before=self.before,
             mu=p.mu,
             soft=self.soft_fingers,
             twist=F - len(p.soft),
@@ -221,7 +223,9 @@ class Reduced:
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
     def at_magnitude(self, state: State, magnitude: float) -> Array:
-        """The reduced unknowns (n,) nearest to a state that resists a magnitude, commands as they are."""
+        """The reduced unknowns (n,) nearest to a state, of a magnitude if one is sought, commands as they are."""
+        if not self.goal.has_scalar:
+            return self.z(self.p.scaled(state))
         scalar = self.goal.at_magnitude(self.p, magnitude)
         # where all is homogeneous, states are sought for the direction alone
         same = state.scaled(scalar) if self.goal.homogeneous else state
@@ -302,6 +306,7 @@ def reduce(
         CT=padded(forces.T),
         DT=padded(motions.T),
         off=padded(V @ y0 + constants),
+        before=padded(_before(p, active, len(motions))),
         lo=np.array([b.lo for b in plain]),
         hi=np.array([b.hi for b in plain]),
         names=tuple((b.kind, b.which) for b in plain),
@@ -467,6 +472,14 @@ def _motion_rows(p: ScaledProblem, load: AffineLoad, active: Indices, bounds: li
     return D
 
 
+def _before(p: ScaledProblem, active: Indices, rows: int) -> Array:
+    """(rows,) of `_motion_rows`: motions from before the step, along normals and of active actuators."""
+    m, out = len(p.mu), np.zeros(rows)
+    out[: 3 * m : 3] = p.gaps / np.cos(p.limits.eta)
+    out[3 * m : 3 * m + len(active)] = p.slack[active]
+    return out
+
+
 def _cost(at: _Forces, active: int, forces: Array, motions: Array) -> Array:
     """(n,) the objective over z, small forces and motions preferred; forces, motions: base values over z."""
     C, nu = at.contacts, motions.shape[1]
@@ -482,15 +495,17 @@ def _cost(at: _Forces, active: int, forces: Array, motions: Array) -> Array:
 def _largest_forces(p: ScaledProblem, load: AffineLoad, cap: float, top: float) -> tuple[Array, Array]:
     """(3m,) and (a,) bounds of |c| and |f| for motions up to a cap, an objective up to `top`.
 
-    c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t + g . q where friction obeys the dissipation principle.
+    c_n <= |d_n|, and by energy sum c_n^2 + gap c_n <= w . r + f_c . t + g . q where friction obeys the dissipation
+    principle.
     """
-    cn = (np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)) * cap
+    cn = (np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)) * cap + np.abs(p.gaps)
     if p.mdp:
         sought = top * p.command_unit / p.command_units
         command = np.where(p.driven, sought, load.f_a + top * load.f_b)
         force = np.abs(load.w_a) + top * np.abs(load.w_b)
         given = np.abs(load.g_a + top * load.g_b).sum()
-        cn = np.minimum(cn, np.sqrt((force.sum() + command @ np.abs(p.R).sum(axis=1) + given) * cap))
+        work = (force.sum() + command @ np.abs(p.R).sum(axis=1) + given) * cap + (p.gaps**2).sum()
+        cn = np.minimum(cn, np.sqrt(work) + np.abs(p.gaps))
     cn = np.minimum(cn, p.cn_max)
     c = np.column_stack([cn, p.mu * cn, p.mu * cn]).reshape(-1)
     K = (np.abs(pseudo_inverse(np.vstack([p.R, p.A]).T)) @ np.abs(p.J.T))[: len(p.R)]

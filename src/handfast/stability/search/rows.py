@@ -1,7 +1,7 @@
 """The rows of a node's program by name: one 64-bit id says what a row is, and `kernel.values` makes it on the fly.
 
 Every row is a . z >= b over the reduced unknowns z (`reduced`), of which the first nu are motions, the others
-forces. It combines a few *base values*, affine in z: forces c = C z + off and motions d = D z.
+forces. It combines a few *base values*, affine in z: forces c = C z + off and motions d = D z + before.
 
     contact i    c[3i], c[3i+1], c[3i+2]: c_n, c_t1, c_t2    d[3i], d[3i+1], d[3i+2]: d_n, d_t1, d_t2
     actuator j   c[3m+2j]: the slack f - f_c (if its command is sought: f), c[3m+2j+1]: effort left    d[3m+j]: t
@@ -15,6 +15,8 @@ An id holds kind, index and two angles, or a patch and one of its sides, so that
 to keep, and a parent's working set is legal in every child. Angles are integers, `TURN` to a turn. The kinds and what
 they say are those of `proofs/kinds`; BOX rows bound z itself and give the first working set. The ENERGY row of
 node k is the tangent, at the point of k, of the balance of energy: sum c_n^2 <= w . r + f_c . t.
+In a step of a load's path d_n, and t of stops and slack tendons, are whole motions, all others those of the step; then
+it is sum c_n^2 + before c_n.
 """
 
 from __future__ import annotations

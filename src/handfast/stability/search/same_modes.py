@@ -55,8 +55,8 @@ class _Values:
 
     Attributes:
         normal, rubs: (m, n), (m, 3, n) c_n and `model.friction`; normal_0, rubs_0: (m,), (m, 3).
-        d_n, slides: (m, n), (m, 3, n) d_n and `model.sliding`.
-        turn, slack: (a, n) t and f - f_c of the actuators that may move; slack_0: (a,).
+        d_n, slides: (m, n), (m, 3, n) d_n and `model.sliding`; gap_0: (m,) the gap d^_n where nothing moves.
+        turn, slack: (a, n) t and f - f_c of the actuators that may move; turn_0, slack_0: (a,).
         motions: (2m, 3, n) of the object, and of it against the finger, at each contact.
     """
 
@@ -65,8 +65,10 @@ class _Values:
     rubs: Array
     rubs_0: Array
     d_n: Array
+    gap_0: Array
     slides: Array
     turn: Array
+    turn_0: Array
     slack: Array
     slack_0: Array
     motions: Array
@@ -84,8 +86,9 @@ class _Values:
         of_object = np.zeros((3 * m, n))
         of_object[:, : r.M.shape[1]] = p.G.T @ r.M[:6]
         motions = np.concatenate([of_object.reshape(m, 3, n), d])
-        turn = r.D[3 * m : 3 * m + a]
-        return cls(c[:, 0], c_0[:, 0], rubs, rubs_0, d[:, 0], slides, turn, r.C[actuators], r.off[actuators], motions)
+        turn, turn_0 = r.D[3 * m : 3 * m + a], r.before[3 * m : 3 * m + a]
+        normal, slack = (c[:, 0], c_0[:, 0]), (r.C[actuators], r.off[actuators])
+        return cls(*normal, rubs, rubs_0, d[:, 0], p.gaps, slides, turn, turn_0, *slack, motions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +116,7 @@ class _ModeStates:
         length = np.linalg.norm(slides, axis=1)
         moves, closed = length > tiny, v.normal @ z + v.normal_0 > tiny
         along = np.where(moves[:, None], slides / np.where(moves, length, 1.0)[:, None], [1.0, 0.0, 0.0])
-        return cls(r, v, closed, closed & moves & r.p.mdp, along, v.turn @ z > tiny)
+        return cls(r, v, closed, closed & moves & r.p.mdp, along, v.turn @ z + v.turn_0 > tiny)
 
     @cached_property
     def _free(self) -> tuple[Array, Array]:
@@ -129,12 +132,12 @@ class _ModeStates:
         equations = [  # (4), (5) to (7), (8)
             (v.normal[opens], v.normal_0[opens]),
             (v.rubs[opens], v.rubs_0[opens]),
-            (gap[self.closed], v.normal_0[self.closed]),
+            (gap[self.closed], (v.normal_0 + v.gap_0)[self.closed]),
             (v.slides[sticks], np.zeros((int(sticks.sum()), 3))),
             (across[slips], np.zeros((int(slips.sum()), 3))),
             (opposed[slips], opposed_0[slips]),
             (v.slack[self.turns], v.slack_0[self.turns]),
-            (v.turn[~self.turns], np.zeros(int((~self.turns).sum()))),
+            (v.turn[~self.turns], v.turn_0[~self.turns]),
         ]
         A = np.concatenate([rows.reshape(-1, n) for rows, _ in equations])
         b = np.concatenate([constants.ravel() for _, constants in equations])
@@ -159,10 +162,10 @@ class _ModeStates:
         lo, hi = r.lo[: F - first], r.hi[: F - first]
         low, high = np.isfinite(lo), np.isfinite(hi)
         inequalities = [
-            (gap[opens], none[opens]),
+            (gap[opens], v.gap_0[opens]),
             (v.normal[self.closed], v.normal_0[self.closed]),
             (self._forward[self.slides], none[self.slides]),
-            (v.turn[self.turns], np.zeros(int(self.turns.sum()))),
+            (v.turn[self.turns], v.turn_0[self.turns]),
             (v.slack[~self.turns], v.slack_0[~self.turns]),
             (bounds[low], bounds_0[low] - lo[low]),
             (-bounds[high], hi[high] - bounds_0[high]),

@@ -217,7 +217,7 @@ def imbalance(question, node, work, data, balance):
     last = question.D.shape[0] - 1
     missed = -work.d[last - 1] - data[balance, question.cost.shape[0]] * work.d[last]
     for i in range(question.m):
-        missed += node.normal[i] * (2.0 * work.c[3 * i] - node.normal[i])
+        missed += node.normal[i] * (2.0 * work.c[3 * i] - node.normal[i]) + question.before[3 * i] * work.c[3 * i]
     return missed
 
 

@@ -126,7 +126,7 @@ def missing(question, scalar, u, e, room):
     D = question.D
     nu = question.DT.shape[0]
     for k in range(room.d.shape[0]):
-        room.d[k] = 0.0
+        room.d[k] = question.before[k]
     blend(u, 0, question.DT, room.d)
     s = SMOOTH * e
     for k in range(nu):

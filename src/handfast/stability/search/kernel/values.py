@@ -89,6 +89,7 @@ def row(id, question, hi, data, out, gradient):
                 out[j] += x * question.C[force + k, j]
         x = gradient[3 + k]
         if x != 0.0:
+            rhs -= x * question.before[motion + k]
             for j in range(n):
                 out[j] += x * question.D[motion + k, j]
     if soft:
@@ -117,7 +118,8 @@ def energy_row(node, question, data, out):
             cn += C[k, j] * data[node, j]
         rhs += cn * (2.0 * off[k] - cn)
         for j in range(n):
-            out[j] -= 2.0 * cn * C[k, j]
+            out[j] -= (2.0 * cn + question.before[k]) * C[k, j]
+        rhs += question.before[k] * off[k]
     return rhs
 
 
@@ -242,6 +244,6 @@ def values(question, z, c, d):
     for k in range(c.shape[0]):
         c[k] = question.off[k]
     for k in range(d.shape[0]):
-        d[k] = 0.0
+        d[k] = question.before[k]
     blend(z, 0, question.DT, d)
     blend(z, question.DT.shape[0], question.CT, c)

@@ -1,0 +1,244 @@
+"""What a load's path claims, and its replay: first the squeeze, then the load in steps; see docs/load-path.md.
+
+A `handfast/path/1` file holds the question, the answer, and a chain of steps. State 0 is one of the commands alone.
+Each step after it has a larger multiple of the load, the state that it starts from (`start.Start`), and a state of its
+own, proved as the witness of any answer is (`existence.prove`). What a step starts from is where the state before came
+to, but for 1e-9 of the load: so each step is exact from the numbers that the step before wrote down. Where the path
+ends there is a certificate: from the last state no state exists at the next multiple. That is a proof about this path,
+not about all ways in which a hand may come to its load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from handfast.proofs import checker
+from handfast.proofs.answers import (
+    COURSE,
+    NOT_REPLAYED,
+    NOTHING,
+    STOPS,
+    VERDICTS,
+    Witness,
+    cap_fault,
+    close,
+    compare,
+    described,
+    read_witness,
+)
+from handfast.proofs.certificate import Certificate, read_certificate
+from handfast.proofs.existence import Proved, prove
+from handfast.proofs.fields import SAME, BadFile, Fields
+from handfast.proofs.question import CHECK, Question, read_question
+from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.states import Problem, came_from
+from handfast.proofs.step_start import StartData, read_start
+from handfast.proofs.tolerance import farthest
+
+SCHEMA = "handfast/path/1"
+LOADING = "preload-first"
+OF_PATH = "by_steps", "other_choice", "resolution"  # keys that tell of other paths
+OTHER_PATHS = f"{', '.join(OF_PATH)}: paths of other steps, and of other states where a step has several"
+QUERIES = "check", "max"
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One state of a path, or that there is none; its question is at a magnitude of the load, from where it starts."""
+
+    magnitude: float
+    question: Question
+    witness: Witness | None
+    certificate: Certificate | None
+
+
+@dataclass(frozen=True, eq=False)
+class SavedPath:
+    """A path file, read: what was asked of the whole load, the answer as JSON, the steps in their order."""
+
+    question: Question
+    said: Mapping[str, Any]
+    steps: tuple[Step, ...]
+
+    @property
+    def reached(self) -> float:
+        """The largest magnitude that has a state; -inf without any."""
+        return max((s.magnitude for s in self.steps if s.witness is not None), default=-np.inf)
+
+
+def read_path(data: Any, place: str = "") -> SavedPath:
+    """A parsed `handfast/path/1` object. Raises `BadFile`."""
+    f = Fields(data, place)
+    f.text("schema", among=[SCHEMA])
+    question = read_question(f.take("question"), f.at("question"))
+    if question.goal != CHECK or question.grasp.start is not None or not question.mdp:
+        raise BadFile("is no check from rest with the dissipation principle", f.at("question"))
+    said = f.take("answer")
+    of_answer = Fields(said, f.at("answer"))
+    of_answer.text("schema", among=["handfast/answer/1"])
+    of_answer.text("query", among=QUERIES)
+    of_answer.text("verdict", among=VERDICTS)
+    of_answer.text("stop", among=STOPS)
+    of_answer.text("loading", among=[LOADING])
+    of_answer.number("seconds", least=0.0)
+    of_answer.whole("nodes")
+    of_answer.flag("verified")
+    steps = tuple(_read_step(x, question) for x in f.objects("steps"))
+    f.done()
+    return SavedPath(question, said, steps)
+
+
+def _read_step(f: Fields, q: Question) -> Step:
+    magnitude, g = f.number("magnitude", least=0.0), q.grasp
+    if f.has("from"):
+        g = g.with_start(read_start(f.take("from"), f.at("from"), (g.m, g.l, g.a)))
+    own = replace(q, grasp=g, wrench=magnitude * q.wrench)
+    witness = read_witness(f.object("witness"), own) if f.has("witness") else None
+    proof = f.take("certificate") if f.has("certificate") else None
+    certificate = None if proof is None else read_certificate(proof, f.at("certificate"), own)
+    for name in ("from", "witness", "certificate"):
+        f.take(name, None)
+    f.done()
+    return Step(magnitude, own, witness, certificate)
+
+
+def replay(saved: SavedPath) -> Replay:
+    """Is everything that the answer claims of its path proved?"""
+    parts: list[Replay] = []
+    reason, before = "", None
+    last: Proved | None = None
+    exact, motion, cap = True, 0.0, None
+    try:
+        for k, step in enumerate(saved.steps):
+            _linked(saved, k, step, before)
+            if step.witness is None:
+                part, cap = _none(saved, k, step, before)
+                parts.append(part)
+                continue
+            last, part = _state(k, step)
+            parts.append(part)
+            exact, before, motion = exact and last.exact, step, max(motion, last.motion)
+        if not any(part.reason for part in parts):
+            own = {"exact": None, "motion": None} if last is None else {"exact": exact, "motion": motion}
+            _compare(saved, before, last, own | {"motion_cap": cap})
+    except Refused as fault:
+        reason = f"answer: {fault}"
+    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(OTHER_PATHS, NOT_REPLAYED))
+
+
+def _linked(saved: SavedPath, k: int, step: Step, before: Step | None) -> None:
+    """`Refused` if a step is none from the state before."""
+    start = step.question.grasp.start
+    if k == 0:
+        if start is not None or step.magnitude != 0:
+            raise Refused("step 0: is not of the commands alone, from rest")
+        return
+    if before is None or before is not saved.steps[k - 1]:
+        raise Refused(f"step {k}: the one before it has no state")
+    if not step.magnitude > before.magnitude:
+        raise Refused(f"step {k}: its load is not larger than the one before")
+    if start is None:
+        raise Refused(f"step {k}: does not say where it starts from")
+    assert before.witness is not None
+    fault = _not_from(before, start)
+    if fault:
+        raise Refused(f"step {k}: {fault}")
+
+
+def _not_from(before: Step, start: StartData) -> str:
+    """What a start is not of the state of the step before; "" if nothing."""
+    assert before.witness is not None
+    p = _problem(before)
+    came, room = came_from(p, before.witness.state)
+    for name in ("gaps", "stops", "slack"):
+        own, there, most = getattr(start, name), getattr(came, name), getattr(room, name)
+        if not (np.abs(own - there) <= most).all():
+            return f"its {name} are not those to which the state before came"
+    return ""
+
+
+def _problem(step: Step) -> Problem:
+    q = step.question
+    return Problem.of(q, q.grasp.command, q.wrench)
+
+
+def _state(k: int, step: Step) -> tuple[Proved, Replay]:
+    """Is the state of a step proved?"""
+    w, q = step.witness, step.question
+    assert w is not None
+    claim = f"{step.magnitude:.6g} times the load is resisted from the state before"
+    claim = claim if k else "the commands alone are in balance"
+    if not (close(w.command, q.grasp.command) and close(w.wrench, q.wrench)):
+        raise Refused(f"step {k}: its witness is a state under another load, or with other commands")
+    if step.certificate is not None:
+        raise Refused(f"step {k}: has a witness and a certificate")
+    found = prove(_problem(step), w.state)
+    reason = "" if found.exact or found.tolerant else found.reason
+    claim += f", with virtual motions of {found.motion:.6g} N" if not reason else ""
+    to = "" if found.exact else ", to 1e-9 of the load"
+    figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius}
+    return found, Replay(f"step {k}", claim + to, reason, figures)
+
+
+def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Replay, float | None]:
+    """Is it proved that a step, the last one, has no state?"""
+    if step.certificate is None or k != len(saved.steps) - 1:
+        raise Refused(f"step {k}: has neither a witness nor, as the last one, a certificate")
+    claim = "the commands alone are in no balance"
+    if before is not None:
+        claim = f"{step.magnitude:.6g} times the load is not resisted from the state at {before.magnitude:.6g} times"
+    found = checker.verify(step.certificate)
+    reason = found.reason
+    if found.cap is not None and not reason:
+        claim += f", up to virtual motions of {found.cap:.6g} N"
+        reason = cap_fault(step.question, found.cap, 0.0, None)
+    figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
+    return Replay("certificate", claim, reason, figures), found.cap
+
+
+def _compare(saved: SavedPath, last: Step | None, proved: Proved | None, of_steps: dict[str, Any]) -> None:
+    """`Refused` if the answer says else than its steps show."""
+    said = saved.said
+    ended = bool(saved.steps) and saved.steps[-1].witness is None
+    shown: dict[str, Any] = {key: said[key] for key in ("schema", "query", "verdict")}
+    shown |= {"loading": LOADING, "steps": sum(s.magnitude > 0 for s in saved.steps)}
+    shown |= {"certified": ended} | of_steps
+    shown |= (_check if said["query"] == "check" else _max)(saved, last, proved, ended)
+    compare(said, shown, (*COURSE, *OF_PATH))
+
+
+def _check(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool) -> dict[str, Any]:
+    """What a check along a path has to say besides."""
+    verdict = saved.said["verdict"]
+    if verdict == "holds" and (last is None or ended or last.magnitude != 1.0):
+        raise Refused("HOLDS, but the whole load is not reached")
+    if verdict == "slips" and (not ended or saved.steps[-1].magnitude > 1.0):
+        raise Refused("SLIPS, but no step of the load is shown to have no state")
+    if verdict == "undecided" and ended:
+        raise Refused("UNDECIDED with a certificate")
+    held = verdict == "holds" and last is not None and last.witness is not None and proved is not None
+    state = described(last.question.grasp, last.witness.state, proved) if held else NOTHING  # type: ignore[union-attr, arg-type]
+    reached = last.magnitude if last is not None else None
+    return state | {"margin": None, "reached": reached, "slips_at": saved.steps[-1].magnitude if ended else None}
+
+
+def _max(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool) -> dict[str, Any]:
+    """What the end of a path has to say besides."""
+    verdict, lower = saved.said["verdict"], last.magnitude if last is not None else 0.0
+    upper, unbounded = saved.steps[-1].magnitude if ended else None, bool(saved.said.get("unbounded"))
+    if (verdict == "holds") != (lower > 0) or (verdict == "slips") != (last is None and ended):
+        raise Refused(f"{verdict.upper()} is not what its steps show")
+    if unbounded and (ended or not lower >= _end(saved.question) * (1 - SAME)):
+        raise Refused("unbounded, but its path ends")
+    gap = 0.0 if unbounded or upper == 0 else (upper - lower) / lower if upper is not None and lower > 0 else None
+    bounds: dict[str, Any] = {"lower": lower, "upper": upper, "gap": gap, "unbounded": unbounded}
+    return bounds | {"attained": True, "limit": None, "holds_from_zero_to": None}
+
+
+def _end(q: Question) -> float:
+    """The magnitude at which a path without end is left."""
+    return farthest(replace(q, direction=q.wrench, wrench=np.zeros(6)))

@@ -1,0 +1,340 @@
+"""First the squeeze, then the load in steps: the path of a load, each step an exact state from the one before it.
+
+State 0 is that of the commands alone, the one of least motion. Each step is a check of a grasp that starts where the
+state before left it (`Grasp.with_start`): springs, stops and tendons that nobody commands know the whole motion,
+friction and commanded gearing the step's alone. Of several states of a step the path goes on from the one of least
+motion; it is followed once more from the states as the search met them, where these are others. Steps become a
+quarter as long until what the path says stays the same: see docs/load-path.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from handfast.core.answer import SearchLimits, Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.schema import written
+from handfast.model.grasp import Grasp
+from handfast.model.start import Start
+from handfast.proofs import path_steps
+from handfast.proofs.certificate import proof_to_dict
+from handfast.proofs.states import came_from
+from handfast.proofs.tolerance import ENDLESS, farthest
+from handfast.stability.answers.answer import Answer, any_state, witness_json
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.bound_problem import BoundProblem, stated
+from handfast.stability.problem.model import State, relative_motion
+from handfast.stability.problem.objective import ANY_STATE, LARGEST
+from handfast.stability.problem.scaled_problem import ScaledProblem
+from handfast.stability.problem.settings import OnStep, Settings
+from handfast.stability.problem.witness import Witness
+from handfast.stability.search.solve import clock_of, solve, time_left
+
+COUNTS = 1, 4, 16, 64  # steps to the whole load, or to where one step leads, until two paths in turn say the same
+AGREE = 0.01  # relative: ends of two paths that differ by less are the same
+ABOVE = 1 + 1e-9  # rounding
+OTHER = 1e-6  # relative to the forces that act: states whose motions differ by less are the same
+
+
+@dataclass(frozen=True, eq=False)
+class StepAnswer(Answer):
+    """Is there a state of a step?"""
+
+    query = "check"
+
+    def said(self) -> dict[str, Any]:
+        return self.state_json()
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPath:
+    """A load's path.
+
+    Attributes:
+        whole: the question of the whole load, from rest.
+        magnitudes: of the load, one for each of `steps`.
+        steps: state 0, then each step; the last may be one that is shown to have none.
+        by_steps: how far paths of 1, 4, 16 ... steps came, this one among them; 1 is the whole load of a check.
+        other_choice: how far the path of as many steps comes that goes on from states as the search met them; None
+            where there was nothing to choose.
+        resolution: to what share of the load steps were refined at most, or ends of paths agree.
+        nodes: of all steps that were tried.
+    """
+
+    whole: BoundProblem
+    magnitudes: tuple[float, ...]
+    steps: tuple[StepAnswer, ...]
+    by_steps: dict[int, float] = field(default_factory=dict)
+    other_choice: float | None = None
+    resolution: float = 1.0 / COUNTS[-1]
+    nodes: int = 0
+
+    @property
+    def held(self) -> tuple[StepAnswer, ...]:
+        """The steps that have a state."""
+        return tuple(s for s in self.steps if s.verdict is Verdict.HOLDS)
+
+    @property
+    def reached(self) -> float | None:
+        """The largest magnitude that has a state; None where the commands alone have none."""
+        return self.magnitudes[len(self.held) - 1] if self.held else None
+
+    @property
+    def slips_at(self) -> float | None:
+        """The magnitude at which no state exists from the last one; None if that was not shown."""
+        return self.magnitudes[-1] if self.steps[-1].verdict is Verdict.SLIPS else None
+
+    @property
+    def exact(self) -> bool | None:
+        """Is an exact state of every step proved to exist? None without any."""
+        return all(bool(s.exact) for s in self.held) if self.held else None
+
+    @property
+    def motion(self) -> float | None:
+        """[N] how large the virtual motions of a step are at most; None without any."""
+        return max((s.motion for s in self.held if s.motion is not None), default=None)
+
+    def backing(self, seconds: float) -> dict[str, Any]:
+        """The fields of an answer that rests on it."""
+        last, held = self.steps[-1], self.held
+        return {
+            "verdict": last.verdict,
+            "stop": last.stop,
+            "seconds": seconds,
+            "nodes": self.nodes,
+            "found": held[-1].witness if held else None,
+            "proof": last.proof if last.verdict is Verdict.SLIPS else None,
+            "posed": self._posed,
+            "path": self,
+            "verified": all(s.verified for s in self.steps),
+        }
+
+    @property
+    def _decided(self) -> list[tuple[float, StepAnswer]]:
+        """Magnitudes and steps that have a state, or are shown to have none."""
+        each = zip(self.magnitudes, self.steps, strict=True)
+        return [(m, s) for m, s in each if s.verdict is not Verdict.UNDECIDED]
+
+    @property
+    def _posed(self) -> BoundProblem:
+        """Of the last state: its problem, with the load that grows as the direction."""
+        if not self.held or self.held[-1].posed is None:
+            return self.whole
+        return BoundProblem(replace(self.held[-1].posed.problem, along=self.whole.problem.wrench), ANY_STATE)
+
+    def said(self) -> dict[str, Any]:
+        """The keys that an answer has by its path."""
+        return {
+            "loading": path_steps.LOADING,
+            "steps": sum(m > 0 for m, _ in self._decided),
+            "by_steps": {str(n): end for n, end in self.by_steps.items()},
+            "other_choice": self.other_choice,
+            "resolution": self.resolution,
+        }
+
+    def to_file(self, answer: dict[str, Any]) -> dict[str, Any]:
+        """The `handfast/path/1` object with the JSON of its answer."""
+        return {
+            "schema": path_steps.SCHEMA,
+            "question": self.whole.to_json(),
+            "answer": answer,
+            "steps": [{"magnitude": m, **_step_json(s)} for m, s in self._decided],
+        }
+
+
+def _step_json(s: StepAnswer) -> dict[str, Any]:
+    assert s.posed is not None
+    start = s.posed.problem.grasp.start
+    return {
+        "from": None if start is None else written(start),
+        "witness": None if s.witness is None else witness_json(s.witness),
+        "certificate": None if s.certificate is None else proof_to_dict(s.certificate),
+    }
+
+
+def start_after(step: StepAnswer, w: Witness) -> Start:
+    """What the next step starts from, after a state of this one."""
+    came, _ = came_from(step._problem(w), stated(w.state))
+    return Start(came.gaps, came.stops, came.slack)
+
+
+# --- following it ---------------------------------------------------------------------------------
+
+Pick = Callable[[StepAnswer], Witness | None]
+
+
+def shown(step: StepAnswer) -> Witness | None:
+    """The state of least motion."""
+    return step.witness
+
+
+def met(step: StepAnswer) -> Witness | None:
+    """The state as the search met it."""
+    return step.found
+
+
+@dataclass(eq=False)
+class Follower:
+    """Follows the path of a load.
+
+    Attributes:
+        whole: the scaled problem of the whole load, from rest; limits: of the question's time.
+        made: (magnitude, bytes of the start) -> what was found: paths of other steps begin alike.
+        rest: the state that a step starts from, in which nothing has moved yet.
+    """
+
+    whole: ScaledProblem
+    settings: Settings
+    limits: SearchLimits
+    on_progress: OnStep | None
+    made: dict[tuple[float, bytes], StepAnswer] = field(default_factory=dict)
+    rest: dict[Start, State] = field(default_factory=dict)
+    nodes: int = 0
+
+    def step(self, grasp: Grasp, magnitude: float, prove: bool = True) -> StepAnswer:
+        """Is there a state at a magnitude of the load, from where the grasp starts? prove: that there is none, too."""
+        start = grasp.start
+        key = magnitude, b"" if start is None else b"".join(x.tobytes() for x in (start.gaps, start.stops, start.slack))
+        found = self.made.get(key)
+        if found is None or (prove and self.settings.verify and not found.verified):
+            p, left = self.whole, time_left(self.settings, self.limits)
+            left = replace(left, nodes=max(self.settings.nodes - self.nodes, 1), verify=prove and left.verify)
+            posed = scaled_problem.build(grasp, magnitude * p.wrench, limits=p.limits)
+            hints = {} if start is None else {"near": [(self.rest[start], 0.0)]}
+            found = any_state(StepAnswer, posed, left, self.on_progress, **hints)
+            found = found.settled(self.limits.end)
+            self.made[key], self.nodes = found, self.nodes + found.nodes
+        return self.made[key]
+
+    def after(self, step: StepAnswer, pick: Pick) -> Grasp | None:
+        """The grasp after a state of a step; None without one."""
+        w = pick(step)
+        if w is None:
+            return None
+        start, x = start_after(step, w), w.state
+        self.rest[start] = State(0 * x.r, 0 * x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+        return self.whole.grasp.with_start(start)
+
+    def along(self, magnitudes: Array, pick: Pick = shown) -> LoadPath:
+        """The path with states at some magnitudes, the first of which is 0, as far as it goes."""
+        steps, grasp = [], self.whole.grasp
+        for m in magnitudes.tolist():
+            steps.append(self.step(grasp, m))
+            after = self.after(steps[-1], pick) if steps[-1].verdict is Verdict.HOLDS else None
+            if after is None:
+                break
+            grasp = after
+        return self._path(steps, magnitudes.tolist())
+
+    def to_end(self, size: float, last: float, pick: Pick = shown) -> LoadPath:
+        """The path in steps of a size at most, as far as it goes, or to the last magnitude; finer where it ends."""
+        steps, magnitudes, gap = [self.step(self.whole.grasp, 0.0)], [0.0], self.settings.gap
+        step, asked, least = size, False, gap * last / ENDLESS
+        grasp = self.after(steps[0], pick) if steps[0].verdict is Verdict.HOLDS else None
+        while grasp is not None and magnitudes[-1] < last:
+            here = magnitudes[-1]
+            target = min(here + step, last)
+            found = self.step(grasp, target, prove=step <= gap * target * ABOVE)
+            if found.verdict is Verdict.SLIPS and step > gap * target * ABOVE and step > least:
+                end = (
+                    None if asked else self.one_step_end(grasp, here, target)
+                )  # below, if it does not go on more finely
+                step = step / 2 if end is None and asked else (end or here) * (1 - gap / 2 * (end is not None)) - here
+                step, asked = max(step, gap * here, least), True
+                continue
+            steps.append(found if found.verdict is not Verdict.SLIPS else self.step(grasp, target))
+            magnitudes.append(target)
+            grasp = self.after(found, pick) if found.verdict is Verdict.HOLDS else None
+            step, asked = (gap * target if asked else min(size, 2 * step)), False
+        return self._path(steps, magnitudes)
+
+    def one_step_end(self, grasp: Grasp, here: float, below: float) -> float | None:
+        """About the largest magnitude between two that one step reaches, as the search says; None if it finds none."""
+        p, w = self.whole, self.whole.wrench
+        along = scaled_problem.build(grasp, np.zeros(6), w, limits=p.limits)
+        end = min(below, along.last_magnitude)
+        left = replace(time_left(self.settings, self.limits), verify=False)
+        within = (-end / along.direction_scale, -here / along.direction_scale)
+        found = solve(along, LARGEST, left, None, within=within)
+        self.nodes += found.nodes
+        lower = LARGEST.bounds(along, found.value, found.bound)[0] if found.witness is not None else 0.0
+        return lower if lower > here else None
+
+    def _path(self, steps: list[StepAnswer], magnitudes: list[float]) -> LoadPath:
+        return LoadPath(BoundProblem(self.whole, ANY_STATE), tuple(magnitudes[: len(steps)]), tuple(steps))
+
+    def chosen_otherwise(self, path: LoadPath) -> bool:
+        """Does the search meet another state than that of least motion anywhere on a path?"""
+        return any(_differ(s) for s in path.held)
+
+
+def _differ(step: StepAnswer) -> bool:
+    """Do the state of least motion and the one that was met lead to different starts?"""
+    least, other = shown(step), met(step)
+    if least is None or other is None or least is other:
+        return False
+    a, b = (start_after(step, w) for w in (least, other))
+    acting = max(float(np.abs(least.state.c).max(initial=0.0)), float(np.abs(other.state.c).max(initial=0.0)))
+    d = relative_motion(least.grasp, least.state.r - other.state.r, least.state.q - other.state.q)
+    return float(max(np.abs(a.gaps - b.gaps).max(), np.abs(d).max())) > OTHER * acting
+
+
+def comes_after(loading: str, mdp: bool = True, **others: object) -> bool:
+    """Is the load to come after the commands? `InputError` for another word, or with what a path does not know."""
+    if loading not in ("together", path_steps.LOADING):
+        raise InputError(f"is '{loading}'; 'preload-first' or 'together' is needed", field="loading")
+    if loading == "together":
+        return False
+    if not mdp:
+        raise InputError("'preload-first' needs the maximum dissipation principle", field="loading")
+    for name, value in others.items():
+        if value is not None and value is not False:
+            raise InputError(f"'preload-first' cannot be asked with {name}; leave one of the two out", field="loading")
+    return True
+
+
+def check_path(p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None) -> LoadPath:
+    """The path to a load (`p.wrench`, base load alone, no direction): in ever more steps, until two say the same."""
+    follower = Follower(p, settings, clock_of(settings), on_progress)
+    by_steps: dict[int, float] = {}
+    before = None
+    for n in COUNTS:
+        path = follower.along(np.linspace(0.0, 1.0, n + 1))
+        by_steps[n], verdict = path.reached or 0.0, path.steps[-1].verdict
+        if not path.held or verdict is Verdict.UNDECIDED or verdict is before:
+            break
+        before = verdict
+    other = None
+    if follower.chosen_otherwise(path):
+        other = follower.along(np.linspace(0.0, 1.0, n + 1), met).reached or 0.0
+    return replace(path, by_steps=by_steps, other_choice=other, nodes=follower.nodes)
+
+
+def path_end(p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None) -> LoadPath:
+    """The path of growing multiples of a load (`p.wrench`) to its end: in ever shorter steps, until ends agree."""
+    follower = Follower(p, settings, clock_of(settings), on_progress)
+    posed = BoundProblem(p, ANY_STATE)
+    last = farthest(replace(posed.question, direction=p.wrench, wrench=np.zeros(6))) * (1 + AGREE)
+    rest = follower.along(np.zeros(1))
+    grasp = follower.after(rest.steps[0], shown) if rest.held else None
+    if grasp is None:
+        return replace(rest, nodes=follower.nodes)
+    size = min(follower.one_step_end(grasp, 0.0, last) or last / ENDLESS, last)
+    by_steps: dict[int, float] = {}
+    before = None
+    for n in COUNTS[1:]:
+        path = follower.to_end(size / n, last)
+        end = by_steps[n] = path.reached or 0.0
+        agree = before is not None and abs(end - before) <= AGREE * max(end, before)
+        if path.steps[-1].verdict is Verdict.UNDECIDED or agree:
+            break
+        before = end
+    other = None
+    if follower.chosen_otherwise(path):
+        other = follower.to_end(size / n, last, met).reached or 0.0
+    return replace(path, by_steps=by_steps, other_choice=other, resolution=AGREE, nodes=follower.nodes)

@@ -1,0 +1,323 @@
+"""First the squeeze, then the load in steps: paths whose ends are known by hand, and laws that all of them obey."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast import Contact, Grasp, GraspJoint, Mechanism, load_grasp
+from handfast.core.answer import Verdict
+from handfast.core.errors import InputError
+from handfast.model.start import Start
+from handfast.proofs import path_steps
+from handfast.proofs.fields import BadFile
+from handfast.stability.answers import check, maximum
+from handfast.stability.answers.answer import any_state
+from handfast.stability.answers.load_path import StepAnswer, start_after
+from handfast.stability.problem import judge, scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
+
+FIRST = "preload-first"
+
+
+MOTOR = Mechanism(("jaw",), np.eye(1), np.zeros((0, 1)), (False,), (True,))  # backdrivable
+
+
+def jaw(mechanism: Mechanism | None = None, **joint: Any) -> Grasp:
+    """A jaw on a slide, at -1 on the x axis, presses an object against a wall at +1; mu = 0.5."""
+    contacts = [Contact((-1, 0, 0), (1, 0, 0), 0.5), Contact((1, 0, 0), (-1, 0, 0), 0.5)]
+    joints = [GraspJoint("jaw", (1, 0, 0), (-1, 0, 0), (0,), "prismatic", **joint)]
+    return Grasp(contacts, joints, mechanism, {"jaw": 1.0}, "jaw")
+
+
+def padded(mechanism: Mechanism | None = None, **joint: Any) -> Grasp:
+    """The same with three contacts on each side, which hold the object where the others have let go of it."""
+    around = [(np.cos(a), np.sin(a)) for a in (0.3, 2.4, 4.5)]
+    contacts = [Contact((x, y, z), (-x, 0, 0), 0.5) for x in (-1, 1) for y, z in around]
+    joints = [GraspJoint("jaw", (1, 0, 0), (-1, 0, 0), (0, 1, 2), "prismatic", **joint)]
+    return Grasp(contacts, joints, mechanism, {(mechanism or MOTOR).actuators[0]: 1.0}, "padded jaw")
+
+
+def pressed(answer: Any) -> tuple[float, float]:
+    """[N] by the jaw and by the wall."""
+    c = answer.witness.state.c.reshape(2, -1, 3)[:, :, 0].sum(axis=1)
+    return float(c[0]), float(c[1])
+
+
+def stepped(grasp: Grasp, wrench: Any, start: Grasp, wrench_before: Any = (0, 0, 0)) -> StepAnswer:
+    """The step from the state of `start` under a load to another load."""
+    before = any_state(StepAnswer, scaled_problem.build(start, wrench_before), Settings())
+    assert before.witness is not None
+    return any_state(
+        StepAnswer, scaled_problem.build(grasp.with_start(start_after(before, before.witness)), wrench), Settings()
+    )
+
+
+# --- by hand ------------------------------------------------------------------------------------------
+
+
+def test_a_jaw_that_gave_way_in_the_squeeze_holds_more() -> None:
+    """The load s (-1, 1) pushes the jaw back. As it moved in the squeeze, (8) lets it carry its command 1 alone.
+
+    The wall presses with 1 - s then, and as both contacts rub alike (moments), s / 2 <= mu (1 - s): s = 1/2. Gearing
+    that stands where it came to shares the load between both springs: the wall presses with 1 - s / 2, s = 2/3.
+    """
+    together, after = (maximum(jaw(), [-1, 1, 0], loading=x) for x in ("together", FIRST))
+    assert together.lower == pytest.approx(1 / 2, rel=2e-3)
+    assert after.lower <= 2 / 3 * (1 + 1e-9) <= after.upper * (1 + 1e-9)
+    assert after.gap <= 2e-3
+    assert after.verify().ok
+    held = check(jaw(), [-0.6, 0.6, 0], loading=FIRST)
+    assert held.verdict is Verdict.HOLDS
+    assert held.verify().ok
+    assert check(jaw(), [-0.6, 0.6, 0]).verdict is Verdict.SLIPS
+    assert pressed(held) == pytest.approx((1.3, 0.7))  # 1 +- s / 2
+    slips = check(jaw(), [-0.7, 0.7, 0], loading=FIRST)
+    assert slips.verdict is Verdict.SLIPS
+    assert slips.verify().ok
+    assert slips.path.slips_at <= 1
+
+
+def test_where_gearing_is_let_go_the_path_is_the_papers_again() -> None:
+    """A backdrivable motor gives its command, whatever it did in the squeeze."""
+    after, together = (maximum(jaw(MOTOR), [-1, 1, 0], loading=x) for x in (FIRST, "together"))
+    assert after.lower == pytest.approx(0.5, rel=2e-3) == pytest.approx(together.lower, rel=2e-3)
+
+
+def test_a_path_ends_at_a_hole_below_the_papers_maximum() -> None:
+    """Between 11.0 and 13.6 N along +y nothing is resisted, but 18.1 N are: steps that are short enough end there."""
+    grasp = load_grasp("barrett-mug")
+    assert check(grasp, [0, 12.3, 0]).verdict is Verdict.SLIPS
+    assert check(grasp, [0, 18.1, 0]).verdict is Verdict.HOLDS
+    answer = maximum(grasp, [0, 1, 0], loading=FIRST)
+    assert 10.9 < answer.lower < answer.upper < 11.4
+    assert answer.verify().ok
+    assert maximum(grasp, [0, 1, 0]).lower > 36
+
+
+def test_commands_that_balance_nothing_are_no_beginning() -> None:
+    """One contact that nothing opposes: the path has no first state, and that is proved."""
+    lone = Grasp(jaw().contacts[:1], jaw().joints, preload={"jaw": 1.0})
+    for answer in (check(lone, [-1, 0, 0], loading=FIRST), maximum(lone, [-1, 0, 0], loading=FIRST)):
+        assert answer.verdict is Verdict.SLIPS
+        assert answer.verify().ok
+        assert answer.to_json()["steps"] == 0
+    assert check(lone, [-2, 0, 0]).verdict is Verdict.HOLDS  # together the load meets the jaw
+
+
+def test_a_load_without_end() -> None:
+    answer = maximum(padded(), [-1, 0, 0], loading=FIRST)
+    assert answer.unbounded
+    assert answer.verify().ok
+
+
+# --- stops, tendons, friction of joints ---------------------------------------------------------------
+
+
+def test_a_jaw_comes_back_to_the_stop_that_it_left() -> None:
+    """A backdrivable jaw at its lower stop is pushed back by more than its command: the stop carries the rest.
+
+    It had closed by 2/3 in the squeeze. Under 4 it is back at its stop, which carries 3; under less it carries 1.
+    """
+    grasp = padded(MOTOR, stop="lower")
+    rest = any_state(StepAnswer, scaled_problem.build(grasp, [0, 0, 0]), Settings())
+    start = start_after(rest, rest.witness)
+    assert start.stops == pytest.approx([2 / 3])
+    assert start.gaps == pytest.approx(np.full(6, -1 / 3))
+    for load, reaction in ((0.5, 0.0), (4.0, 3.0)):
+        answer = check(grasp, [-load, 0, 0], loading=FIRST)
+        assert answer.verdict is Verdict.HOLDS
+        assert answer.exact
+        assert answer.verify().ok
+        assert answer.witness.state.reaction == pytest.approx([reaction], abs=1e-9)
+    assert np.sum([s.witness.state.q for s in answer.path.steps]) == pytest.approx(0, abs=1e-9)
+
+
+def test_friction_of_a_joint_opposes_what_moves_from_there() -> None:
+    """A backdrivable jaw of 1 rubs with 0.4: closing it squeezed with 0.6, and it is pushed back from 1.4 on."""
+    grasp = padded(MOTOR, friction=0.4)
+    rest = any_state(StepAnswer, scaled_problem.build(grasp, [0, 0, 0]), Settings())
+    assert pressed(rest) == pytest.approx((0.6, 0.6))
+    for load, forces in ((1.0, (1.1, 0.1)), (1.3, (1.3, 0.0))):  # it stands: shared by both sides; the wall has opened
+        answer = check(grasp, [-load, 0, 0], loading=FIRST)
+        assert answer.verdict is Verdict.HOLDS
+        assert answer.verify().ok
+        assert pressed(answer) == pytest.approx(forces, abs=1e-9)
+    slips = check(grasp, [-1.5, 0, 0], loading=FIRST)
+    assert slips.verdict is Verdict.SLIPS
+    assert slips.verify().ok
+
+
+def test_a_slack_tendon_pulls_from_where_it_was() -> None:
+    """A tendon without command: it goes slack as a motor closes the jaw, and pulls where it is pushed back as far."""
+    both = Mechanism(("motor", "tendon"), np.array([[1.0], [1.0]]), np.zeros((0, 1)), (False, True), (True, False))
+    grasp = padded(both)
+    rest = any_state(StepAnswer, scaled_problem.build(grasp, [0, 0, 0]), Settings())
+    assert start_after(rest, rest.witness).slack == pytest.approx([0, 2 / 3])
+    for load, pull in ((0.5, 0.0), (4.0, 3.0)):
+        answer = check(grasp, [-load, 0, 0], loading=FIRST)
+        assert answer.verdict is Verdict.HOLDS
+        assert answer.exact
+        assert answer.verify().ok
+        assert answer.witness.state.f[1] == pytest.approx(pull, abs=1e-9)
+
+
+# --- laws ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["fig9", "barrett-pear", "tendon-fingers"])
+def test_a_step_without_load_changes_nothing(name: str) -> None:
+    grasp, load = load_grasp(name), np.array([0, 0, 1.0])
+    answer = stepped(grasp, load, grasp, load)
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.witness.largest_motion <= 1e-8 * np.abs(answer.witness.state.c).max()
+    assert check(grasp, 0 * load, loading=FIRST).verdict is Verdict.HOLDS
+
+
+@pytest.mark.parametrize("s", [37.0])
+def test_load_commands_and_state_scale_together(s: float) -> None:
+    grasp = load_grasp("barrett-pear")
+    one, other = (maximum(g, [0, 0, 1], loading=FIRST) for g in (grasp, grasp.with_preload(s * grasp.command)))
+    assert other.lower == pytest.approx(s * one.lower, rel=2e-3)
+    assert other.upper == pytest.approx(s * one.upper, rel=2e-3)
+
+
+def test_units_frames_and_order_change_nothing() -> None:
+    grasp, load = load_grasp("barrett-pear"), np.array([0, 0, 1.0])
+    one = maximum(grasp, load, loading=FIRST)
+    R = np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0.0]])
+    at = np.array([0.3, -0.1, 0.2])
+    order = np.arange(grasp.m)[::-1]
+    contacts = [
+        replace(grasp.contacts[i], position=R @ grasp.contacts[i].position + at, normal=R @ grasp.contacts[i].normal)
+        for i in order
+    ]
+    joints = [
+        replace(
+            j,
+            axis=R @ j.axis,
+            origin=R @ j.origin + at,
+            moves=tuple(int(np.flatnonzero(order == i)[0]) for i in j.moves),
+        )
+        for j in grasp.joints
+    ]
+    turned = Grasp(contacts, joints, grasp.mechanism, grasp.command)
+    force = R @ load
+    other = maximum(turned, np.r_[force, np.cross(at, force)], loading=FIRST)
+    assert other.lower == pytest.approx(one.lower, rel=2e-3)
+    assert other.upper == pytest.approx(one.upper, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "load"), [("barrett-pear", (0, 0, 1.5)), ("fig9", (0, 0, 4.0)), ("barrett-egg", (0, 1.2, 0))]
+)
+def test_steps_meet_the_equations_and_their_energy(name: str, load: Any) -> None:
+    """w . dr + f_c . dt = sum of c_n (c_n + gap) and what friction takes of the step's motion."""
+    grasp = load_grasp(name)
+    answer = check(grasp, load, loading=FIRST)
+    for m, step in zip(answer.path.magnitudes, answer.path.steps, strict=True):
+        w = step.witness
+        start = w.grasp.start
+        assert (start is None) == (m == 0)
+        assert judge.residuals(w.grasp, m * scaled_problem.as_wrench(load), w.state).worst <= 1e-9
+        c_n, gaps = w.state.c[::3], np.zeros(grasp.m) if start is None else start.gaps
+        put_in = w.energy.disturbance + w.energy.preload
+        assert put_in == pytest.approx((c_n * (c_n + gaps)).sum() + w.energy.friction.sum(), abs=1e-8)
+        assert (w.energy.friction >= -1e-9).all()
+
+
+def test_uncertain_normals_and_limits_go_along() -> None:
+    grasp = load_grasp("fig9")
+    sure, unsure = (maximum(grasp, [0, 1, 0], loading=FIRST, limits=GraspLimits(eta)) for eta in (0.0, 0.02))
+    assert unsure.verdict is Verdict.HOLDS
+    assert unsure.verify().ok
+    assert unsure.lower == pytest.approx(sure.lower, rel=0.05)
+    limited = check(jaw(), [-0.6, 0.6, 0], loading=FIRST, limits=GraspLimits(force_limit=1.2))
+    assert limited.verdict is Verdict.SLIPS
+    assert limited.verify().ok
+    assert check(jaw(), [-0.6, 0.6, 0], loading=FIRST, limits=GraspLimits(force_limit=1.31)).verdict is Verdict.HOLDS
+
+
+def test_soft_fingers_remember_their_turning_only_within_a_step() -> None:
+    soft = jaw().with_torsion(0.1)
+    answer = maximum(soft, [0, 0, 0, 1, 0, 0], loading=FIRST)
+    assert answer.lower == pytest.approx(0.2, rel=2e-3)
+    assert answer.verify().ok
+
+
+def test_what_a_path_does_not_know_is_refused() -> None:
+    with pytest.raises(InputError, match="'later'; 'preload-first' or 'together'"):
+        check(jaw(), [-1, 0, 0], loading="later")  # type: ignore[call-overload]
+    with pytest.raises(InputError, match="needs the maximum dissipation principle"):
+        check(jaw(), [-1, 0, 0], loading=FIRST, mdp=False)
+    with pytest.raises(InputError, match="cannot be asked with interval"):
+        maximum(jaw(), [-1, 0, 0], loading=FIRST, interval=True)
+    with pytest.raises(InputError, match="cannot be asked with base"):
+        maximum(jaw(), [-1, 0, 0], loading=FIRST, base=[0, 0, -1])
+    with pytest.raises(InputError, match="stops: has -1"):
+        Start(np.zeros(2), np.array([-1.0]), np.zeros(1))
+    with pytest.raises(InputError, match=r"from\.gaps"):
+        jaw().with_start(Start(np.zeros(3), np.zeros(1), np.zeros(1)))
+
+
+# --- the replay ---------------------------------------------------------------------------------------
+
+
+def forged(change: Any, **asked: Any) -> str:
+    """Why the replay refuses a path of the jaw after a change to its file."""
+    answer = check(jaw(), asked.get("load", [-0.6, 0.6, 0]), loading=FIRST)
+    data = answer.to_file()
+    assert path_steps.replay(path_steps.read_path(data)).ok
+    change(data)
+    return path_steps.replay(path_steps.read_path(data)).reason
+
+
+def test_a_chain_with_a_fault_is_refused() -> None:
+    def gap(data: Any) -> None:
+        data["steps"][1]["from"]["gaps"][1] -= 1e-6  # the wall presses a little more than it did
+
+    def skipped(data: Any) -> None:
+        del data["steps"][1]
+
+    def rest(data: Any) -> None:
+        data["steps"][1]["from"] = None
+
+    def load(data: Any) -> None:
+        data["question"]["wrench"] = [-0.65, 0.65, 0, 0, 0, 0]
+
+    def said(data: Any) -> None:
+        data["answer"]["steps"] = 7
+
+    def less(data: Any) -> None:
+        data["steps"][2] = data["steps"][1]
+
+    def slack(data: Any) -> None:
+        data["steps"][1]["from"]["stops"] = [1.0]
+
+    assert "its gaps are not those" in forged(gap)
+    assert "its gaps are not those" in forged(skipped)
+    assert "does not say where it starts" in forged(rest)
+    assert "another load" in forged(load)
+    assert "steps is not what" in forged(said)
+    assert "not larger" in forged(less)
+    assert "its stops are not those" in forged(slack)
+    assert "whole load is not reached" in forged(lambda data: data["steps"].pop())
+
+
+def test_a_refutation_is_of_the_step_that_it_names() -> None:
+    load = [-0.8, 0.8, 0]
+
+    def weaker(data: Any) -> None:
+        data["steps"][-1]["magnitude"] = 0.82  # 0.656 N is resisted
+
+    def harder(data: Any) -> None:
+        data["steps"][-1]["certificate"] = None
+
+    assert forged(weaker, load=load)
+    assert "nor, as the last one, a certificate" in forged(harder, load=load)
+    with pytest.raises(BadFile, match="slack: has a negative number"):
+        forged(lambda data: data["steps"][1]["from"].update(slack=[-1.0]))
