@@ -9,7 +9,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.load_options import Disturbances
-from handfast.cli.options import FrictionModel, QueryOptions, Saved
+from handfast.cli.options import FrictionModel, LoadingOrder, QueryOptions, Saved
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Check(Disturbances, QueryOptions, Saved, FrictionModel):
+class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
     """Does the grasp resist this disturbance? Several are asked about one by one."""
 
     margin: bool = False
@@ -34,6 +34,8 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
 
         if self.stiffness is not None and not self.margin:
             raise InputError("--stiffness is for --margin; give both")
+        if self.margin and self.loading != "together":
+            raise InputError("--margin is about commands and load together; leave --loading out")
         grasp, options = self.load(), self.options()
         loads = self.disturbances(grasp, self.grasp)
         if self.save and len(loads) > 1:
@@ -60,7 +62,7 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
         from handfast.stability.answers import check
         from handfast.stability.studies.margin_search import RUBBER_PAD, margin
 
-        answer = check(grasp, wrench, mdp=self.mdp, on_progress=watch.step, **options)
+        answer = check(grasp, wrench, mdp=self.mdp, loading=self.loading, on_progress=watch.step, **options)
         if not self.margin:
             return answer
         k = RUBBER_PAD if self.stiffness is None else self.stiffness
@@ -92,7 +94,7 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
         from handfast.stability.problem.settings import Settings
 
         tables.show_check(console.out(), grasp, wrench.tolist(), answer, self)
-        if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench):
+        if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench) and answer.path is None:
             # too much, too little, or was there no equilibrium to disturb? A short look tells
             short = {**options, "mdp": self.mdp, "settings": Settings(timeout=5.0)}
             alone, most = check(grasp, [0.0] * 6, **short), maximum(grasp, wrench, **short)

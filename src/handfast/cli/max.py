@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from handfast.cli import console
 from handfast.cli.load_options import Direction
-from handfast.cli.options import FrictionModel, QueryOptions, Saved, Wrench
+from handfast.cli.options import FrictionModel, LoadingOrder, QueryOptions, Saved, Wrench
 
 
 @dataclass(kw_only=True)
-class Max(Direction, QueryOptions, Saved, FrictionModel):
+class Max(Direction, QueryOptions, Saved, LoadingOrder, FrictionModel):
     """How large a disturbance along a direction does the grasp resist?
 
     The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
@@ -30,7 +30,7 @@ class Max(Direction, QueryOptions, Saved, FrictionModel):
 
         grasp, options = self.load(), self.options()
         direction = self.along(grasp, self.grasp)
-        options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval}
+        options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval, "loading": self.loading}
         with console.watch("max") as watch:
             answer = maximum(grasp, direction, on_progress=watch.step, **options)
         if self.save:

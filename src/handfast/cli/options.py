@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import PrimitiveConstructorSpec
@@ -254,6 +254,14 @@ class FrictionModel:
 
     mdp: bool = True
     """leave out the maximum dissipation principle, for comparison: friction may then create energy"""
+
+
+@dataclass(kw_only=True)
+class LoadingOrder:
+    """Does the load come with the commands, or after them?"""
+
+    loading: Literal["together", "preload-first"] = "together"
+    """commands and load at once, as the paper has it, or first the squeeze and then the load, in proved steps"""
 
 
 def check_writable(path: Path | None, force: bool, endings: Sequence[str]) -> None:

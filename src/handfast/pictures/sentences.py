@@ -11,6 +11,7 @@ from handfast.core.answer import Stop, Verdict
 from handfast.pictures import words
 from handfast.pictures.words import count, listed, magnitude, num
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.answers.load_path import LoadPath
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
@@ -94,6 +95,8 @@ def up_to(answer: Answer) -> str:
 
 
 def check_sentence(answer: CheckAnswer, load: str) -> str:
+    if isinstance(answer.path, LoadPath):
+        return _path_sentence(answer, answer.path, load)
     match answer.verdict:
         case Verdict.HOLDS if unphysical(answer.witness):
             return f"{load} is balanced, but only by friction that creates energy: that is not physical."
@@ -105,9 +108,38 @@ def check_sentence(answer: CheckAnswer, load: str) -> str:
             return f"It was not decided whether the grasp resists {load}."
 
 
+def _path_sentence(answer: CheckAnswer, path: LoadPath, load: str) -> str:
+    """Of a load that comes after the squeeze."""
+    steps = count(len(path.steps) - 1, "step")
+    if answer.verdict is Verdict.HOLDS:
+        return f"After the squeeze {steps} lead to {load}, each to an exact equilibrium that was found and checked."
+    if answer.verdict is Verdict.SLIPS and path.reached is None:
+        return f"The commands alone are in no balance, so that no path leads to {load}{up_to(answer)}."
+    reached = f"{num(100 * (path.reached or 0.0))} %"
+    if answer.verdict is Verdict.SLIPS and path.slips_at is not None:
+        at = f"{num(100 * path.slips_at)} %"
+        return f"After the squeeze the path to {load} ends: from {reached} of it, {at} are not reached{up_to(answer)}."
+    return f"After the squeeze {reached} of {load} are reached; how the path goes on was not decided."
+
+
+def _end_sentence(answer: MaxAnswer, path: LoadPath, what: str, factor: float, unit: str) -> str:
+    """Of a load that grows after the squeeze."""
+    lower, upper = (f"{num(factor * x)} {unit}" for x in (answer.lower, answer.upper))
+    if answer.unbounded:
+        return f"After the squeeze a {what} may grow to any size."
+    if path.reached is None:
+        known = "are in no balance" if answer.verdict is Verdict.SLIPS else "may be in no balance"
+        return f"The commands alone {known}, so that no path begins{up_to(answer)}."
+    if not np.isfinite(answer.upper):
+        return f"After the squeeze a {what} may grow to {lower}; how its path goes on was not decided."
+    return f"After the squeeze a {what} may grow to {lower}: from there {upper} are not reached{up_to(answer)}."
+
+
 def max_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
     factor, unit = magnitude(direction)
     what = words.direction_text(direction)
+    if isinstance(answer.path, LoadPath):
+        return _end_sentence(answer, answer.path, what, factor, unit)
     if unphysical(answer.witness):
         return f"Solutions exist for a {what}, but friction creates energy in them: they are not physical."
     if answer.unbounded:

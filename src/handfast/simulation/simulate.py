@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -19,8 +18,8 @@ from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import STEP, STIFFNESS, build_twin, free_joints, load_force
 from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.settings import Loading as Loading
 
-Loading = Literal["preload-first", "together"]
 SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps
 
 
