@@ -157,7 +157,7 @@ def test_files_and_folders_that_are_no_objects(tmp_path: Path) -> None:
         InputError, match=r"a.sdf: has root element <world>; an object is a <robot> \(URDF\) or an <sdf>"
     ):
         load_body(tmp_path / "a.sdf")
-    with pytest.raises(InputError, match=r"a.sdf: scale: is 0; a number above 0 is needed"):
+    with pytest.raises(InputError, match=r"a.sdf: scale: is 0; metres per unit of the mesh are needed, more than 0"):
         load_body(tmp_path / "a.sdf", scale=0)
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=r"empty: is a folder without meshes; files of convex pieces are needed"):

@@ -68,7 +68,7 @@ def changed(path: str, value: Any) -> dict[str, Any]:
         ("contacts", [], "contacts: is empty; a grasp needs at least one contact"),
         ("contacts.0.normal", [0, 0, 0], r"contacts\[0\].normal: is zero; a unit vector is needed"),
         ("contacts.0.normal", [0, 0, 3], r"contacts\[0\].normal: has length 3; a unit vector is needed"),
-        ("contacts.0.friction", -1, r"contacts\[0\].friction: is -1.0; a friction coefficient is 0 or more"),
+        ("contacts.0.friction", -1, r"contacts\[0\].friction: is -1; a friction coefficient is 0 or more"),
         ("contacts.0.position", [0, 0], r"contacts\[0\].position\[2\]: is missing"),
         ("joints.0.moves", [3], r"joints\[0\].moves: has contact 3, out of range: contacts are 0 to 0"),
         ("joints.0.axis", [0, 0, 0], r"joints\[0\].axis: is zero"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from typing import Any, ParamSpec, TypeVar
@@ -66,6 +67,18 @@ def nearest(name: str, known: Iterable[str]) -> str:
     names = list(known)
     near = difflib.get_close_matches(name, names, 1) or [k for k in names if len(name) > 2 and k.startswith(name)]
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def require_positive(value: float, field: str, right: str = "a number above 0 is needed") -> None:
+    """`InputError` unless a number is finite and above 0; `right` says what would be right."""
+    if not 0 < value < math.inf:
+        raise InputError(f"is {value:g}; {right}", field=field)
+
+
+def require_not_negative(value: float, field: str, right: str = "0 or more is needed") -> None:
+    """`InputError` unless a number is finite and not below 0; `right` says what would be right."""
+    if not 0 <= value < math.inf:
+        raise InputError(f"is {value:g}; {right}", field=field)
 
 
 def kinds_checked(function: Callable[P, R]) -> Callable[P, R]:

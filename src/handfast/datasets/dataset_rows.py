@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import require_not_negative, require_positive
 from handfast.core.schema import InFiles
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import from_dict
@@ -156,10 +156,10 @@ class GraspChanges(InFiles):
     preload: dict[str, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.mass is not None and not 0 < self.mass < float("inf"):
-            raise InputError(f"is {self.mass:g}; a mass above 0 [kg] is needed", field="mass")
-        if self.friction is not None and not 0 <= self.friction < float("inf"):
-            raise InputError(f"is {self.friction:g}; a friction coefficient is 0 or more", field="friction")
+        if self.mass is not None:
+            require_positive(self.mass, "mass", "a mass above 0 [kg] is needed")
+        if self.friction is not None:
+            require_not_negative(self.friction, "friction", "a friction coefficient is 0 or more")
 
     def changed(self, grasp: Grasp) -> Grasp:
         """The grasp with these; raises `InputError` as `Grasp` does."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_positive
 from handfast.core.transforms import transform
 from handfast.geometry.scene import HandObjectPair, Scene, beyond_rest, checked_pose
 from handfast.model.grasp import unit
@@ -197,8 +197,7 @@ class Collisions:
         at_rest: Array | None = None,
     ) -> None:
         for name, value in (("radius", radius), ("cutoff", cutoff)):
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"is {value}; a length above 0 [m] is needed", field=name)
+            require_positive(value, name, "a length above 0 [m] is needed")
         self.scene, self.radius, self.cutoff = scene, radius, cutoff
         self.left_out = tuple(always_meeting(scene) if left_out is None else left_out)
         self.at_rest = np.zeros(len(scene.self_pairs)) if at_rest is None else at_rest

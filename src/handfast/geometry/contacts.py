@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError, kinds_checked, require_positive
 from handfast.geometry.grasp_joints import joints_and_mechanism
 from handfast.geometry.patch import patch
 from handfast.geometry.scene import PoseLike, Scene, checked_joints, checked_pose
@@ -62,7 +62,7 @@ def find_contacts(
     """
     pose = checked_pose(object_pose)
     q = checked_joints(hand, q)
-    _check(threshold)
+    require_positive(threshold, "threshold", "a distance above 0 [m] is needed")
     if scene is not None:
         _refuse_another(scene, hand, body)
     near = (scene or Scene(hand, body)).nearest(q, pose, threshold)
@@ -211,11 +211,6 @@ def _refuse_another(scene: Scene, hand: Hand, body: Body) -> None:
         raise InputError(f"is of the hand {scene.hand.name}, not of {hand.name}", field="scene")
     if scene.body.pieces is not body.pieces and not np.array_equal(scene.body.vertices, body.vertices):
         raise InputError(f"is of the object {scene.body.name}, not of {body.name}", field="scene")
-
-
-def _check(threshold: float) -> None:
-    if not (np.isfinite(threshold) and threshold > 0):
-        raise InputError(f"is {threshold}; a distance above 0 [m] is needed", field="threshold")
 
 
 def hidden_points(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -> NDArray[np.bool_]:

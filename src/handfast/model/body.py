@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_not_negative, require_positive
 from handfast.core.presented import Presented
 from handfast.model.mesh_pieces import checked_mesh, checked_scale, joined, pieces_of
 from handfast.model.shape import Faces, Mesh, Shape
@@ -45,10 +45,9 @@ class Body(Presented):
     def __post_init__(self) -> None:
         if not self.pieces:
             raise InputError("has no solids; an object needs at least one", field="pieces")
-        if self.mass is not None and not (np.isfinite(self.mass) and self.mass >= 0):
-            raise InputError(f"is {self.mass}; a mass is 0 or more [kg]", field="mass")
-        if not (np.isfinite(self.friction) and self.friction >= 0):
-            raise InputError(f"is {self.friction}; a friction coefficient is 0 or more", field="friction")
+        if self.mass is not None:
+            require_not_negative(self.mass, "mass", "a mass is 0 or more [kg]")
+        require_not_negative(self.friction, "friction", "a friction coefficient is 0 or more")
         object.__setattr__(self, "center_of_mass", frozen(self.center_of_mass, (3,), "center_of_mass"))
 
     @classmethod
@@ -148,8 +147,7 @@ def weight(mass: float, center_of_mass: object, direction: object, g: float = 9.
     Raises:
         InputError: a mass that is not positive, a zero direction.
     """
-    if not mass > 0:
-        raise InputError(f"is {mass:g}; a weight needs a positive mass [kg]", field="mass")
+    require_positive(mass, "mass", "a weight needs a positive mass [kg]")
     d = frozen(direction, (3,), "direction")
     if np.abs(d).max() < 1e-12:
         raise InputError("is zero; give the direction in which gravity pulls", field="direction")

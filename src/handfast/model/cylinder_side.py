@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_positive
 from handfast.core.schema import Vector3
 from handfast.model.region import Region
 
@@ -53,8 +53,7 @@ class Side(Region):
 
         put("center", frozen(self.center, (3,), "center"))
         for radius in self.radii:
-            if not (np.isfinite(radius) and radius > 0):
-                raise InputError(f"is {radius:g}; it must be positive [m]", field=self._radii)
+            require_positive(radius, self._radii, "it must be positive [m]")
         axis = _unit(self.axis, "axis")
         across = _unit(self.x_axis, "x_axis")
         across = across - axis * (axis @ across)

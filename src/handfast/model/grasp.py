@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask, frozen
-from handfast.core.errors import InputError, refuse_other_kinds
+from handfast.core.errors import InputError, refuse_other_kinds, require_not_negative
 from handfast.core.presented import Presented
 from handfast.core.schema import LEFT_OUT, InFiles, Vector3
 from handfast.core.transforms import cross, normal_frame
@@ -71,12 +71,10 @@ class Contact(InFiles):
         object.__setattr__(self, "position", frozen(self.position, (3,), "position"))
         object.__setattr__(self, "normal", unit(self.normal, "normal"))
         mu = float(self.friction)
-        if not np.isfinite(mu) or mu < 0:
-            raise InputError(f"is {mu}; a friction coefficient is 0 or more", field="friction")
+        require_not_negative(mu, "friction", "a friction coefficient is 0 or more")
         object.__setattr__(self, "friction", mu)
         torsion = float(self.torsion)
-        if not np.isfinite(torsion) or torsion < 0:
-            raise InputError(f"is {torsion}; a coefficient of torsional friction is 0 or more [m]", field="torsion")
+        require_not_negative(torsion, "torsion", "a coefficient of torsional friction is 0 or more [m]")
         if torsion > 0 and mu == 0:
             right = "a soft finger needs a friction above 0, else set torsion to 0"
             problem = f"is {torsion:g} m where friction is 0; {right}"
@@ -189,8 +187,8 @@ class Grasp(Presented):
         provenance: Provenance | None = None,
     ) -> None:
         put = object.__setattr__
-        if mass is not None and not (np.isfinite(mass) and mass >= 0):
-            raise InputError(f"is {mass}; a mass is 0 or more [kg]", field="mass")
+        if mass is not None:
+            require_not_negative(mass, "mass", "a mass is 0 or more [kg]")
         put(self, "mass", None if mass is None else float(mass))
         centre = None if center_of_mass is None else frozen(center_of_mass, (3,), "center_of_mass")
         put(self, "center_of_mass", centre)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_positive
 from handfast.core.libraries import deferred_interrupt
 from handfast.core.limited import limited
 from handfast.core.parallel import default_jobs
@@ -27,8 +27,7 @@ LOG = logging.getLogger("handfast")
 
 def checked_scale(scale: float) -> None:
     """`InputError` unless it can be metres per unit."""
-    if not (np.isfinite(scale) and scale > 0):
-        raise InputError(f"is {scale}; metres per unit of the mesh are needed, more than 0", field="scale")
+    require_positive(scale, "scale", "metres per unit of the mesh are needed, more than 0")
 
 
 def checked_mesh(v: Array, f: Faces, source: str) -> Mesh:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from handfast.core import bundled
 from handfast.core.bundled import relative_path
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_positive
 from handfast.core.schema import LEFT_OUT, InFiles
 
 KINDS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
@@ -39,8 +39,7 @@ class SourceFile(InFiles):
             raise InputError("is empty; the name of a file is needed", field="path")
         if self.sha256 is not None and not re.fullmatch("[0-9a-f]{64}", self.sha256):
             raise InputError("is no SHA-256 checksum; 64 digits 0 to 9 and a to f are needed", field="sha256")
-        if not 0 < self.scale < float("inf"):
-            raise InputError(f"is {self.scale}; metres per unit are needed, more than 0", field="scale")
+        require_positive(self.scale, "scale", "metres per unit are needed, more than 0")
 
     @classmethod
     def of(cls, source: str | Path, kind: str, scale: float = 1.0) -> SourceFile | None:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_positive
 from handfast.core.schema import InFiles, Vector3, written
 from handfast.core.transforms import normal_frame
 from handfast.model.bernstein import (
@@ -273,8 +273,7 @@ class Cap(Region):
         if length < 1e-9:
             raise InputError("is zero; a direction is needed", field="axis")
         object.__setattr__(self, "axis", frozen(axis / length, (3,), "axis"))
-        if not (np.isfinite(self.radius) and self.radius > 0):
-            raise InputError(f"is {self.radius:g}; it must be positive [m]", field="radius")
+        require_positive(self.radius, "radius", "it must be positive [m]")
         if not 0 < self.half_angle <= np.pi + 1e-12:
             raise InputError(f"is {self.half_angle:g}; it lies in (0, pi] [rad]", field="half_angle")
         object.__setattr__(self, "half_angle", float(min(self.half_angle, np.pi)))

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, require_positive, unknown_name
 from handfast.model.hand.hand import Hand
 from handfast.model.mechanism import Mechanism
 
@@ -110,7 +110,6 @@ def _numbers(hand: Hand, mechanism: Mechanism, given: float | Mapping[str, float
     else:
         found = dict.fromkeys(range(mechanism.a), float(given))
     for i, value in found.items():
-        if not (np.isfinite(value) and value > 0):
-            where = f"{field}.{mechanism.actuators[i]}" if isinstance(given, Mapping) else field
-            raise InputError(f"is {value:g}; a positive number is needed", field=where)
+        where = f"{field}.{mechanism.actuators[i]}" if isinstance(given, Mapping) else field
+        require_positive(value, where, "a positive number is needed")
     return found

@@ -15,7 +15,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.model.mesh_pieces import checked_scale, components, is_convex, pieces_of
+from handfast.model.mesh_pieces import components, is_convex, pieces_of
 from handfast.model.shape import Shape
 from handfast.readers.mesh_file import MESH_FILES, read_meshes
 from handfast.readers.registry import ObjectParts
@@ -38,7 +38,6 @@ def read_folder(folder: Path, scale: float = 1.0) -> ObjectParts:
     files = sorted(f for f in folder.iterdir() if f.suffix.lower() in MESH_FILES and f.is_file())
     if not files:
         raise InputError(f"is a folder without meshes; files of convex pieces are needed ({', '.join(MESH_FILES)})")
-    checked_scale(scale)
     meshes = read_meshes(files)
     for file in files:
         if not all(is_convex(*part) for group in meshes[file] for part in components(*group)):
@@ -59,8 +58,6 @@ def read_body_model(path: Path, scale: float = 1.0) -> ObjectParts:
             joints that move, a geometry or pose that is not understood, a negative mass, a mesh that is missing or
             scaled differently along its axes.
     """
-    if not (np.isfinite(scale) and scale > 0):
-        raise InputError(f"is {scale}; a number above 0 is needed", field="scale")
     root = read_robot_xml(path)
     if root.tag == "robot":
         return _of_urdf(root, path, scale)

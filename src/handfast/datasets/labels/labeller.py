@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_not_negative, require_positive
 from handfast.core.schema import InFiles, Vectors3
 from handfast.datasets.labels.label_columns import MEASURES, WRENCHES, LabelColumn, wrench_column
 from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions, largest_command
@@ -56,12 +56,10 @@ class Labelling:
             raise InputError("is empty; at least one direction is needed", field="gravity")
         if self.directions < 1:
             raise InputError(f"is {self.directions}; at least 1 is needed", field="directions")
-        if not (np.isfinite(self.g) and self.g > 0):
-            raise InputError(f"is {self.g:g}; a number above 0 is needed", field="g")
+        require_positive(self.g, "g")
         if self.nodes is not None and not np.isfinite(self.nodes):
             raise InputError("is not finite; a number above 0 is needed", field="nodes")
-        if not (np.isfinite(self.timeout) and self.timeout > 0):
-            raise InputError(f"is {self.timeout:g} s; a number above 0 is needed", field="timeout")
+        require_positive(self.timeout, "timeout", "a number above 0 [s] is needed")
         self.settings(1)
 
     def settings(self, contacts: int) -> Settings:
@@ -90,9 +88,8 @@ class LabelQuestions(InFiles):
     replay: bool
 
     def __post_init__(self) -> None:
-        for name in ("g", "gap"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"is {getattr(self, name):g}; 0 or more is needed", field=name)
+        require_positive(self.g, "g")
+        require_not_negative(self.gap, "gap")
 
 
 def spread(count: int) -> Array:

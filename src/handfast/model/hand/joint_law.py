@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, require_not_negative
 from handfast.core.schema import OPEN, InFiles, NullFor
 
 LAWS = ("stops", "friction", "springs")
@@ -40,8 +40,7 @@ class JointLaw(InFiles):
     def __post_init__(self) -> None:
         for name in ("friction", "stiffness"):
             value = float(getattr(self, name))
-            if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"is {value:g}; 0 or more is needed", field=name)
+            require_not_negative(value, name)
             object.__setattr__(self, name, value)
         for name in ("rest", "stops"):
             low, high = (float(x) for x in getattr(self, name))
