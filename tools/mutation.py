@@ -54,7 +54,8 @@ RESULTS = ROOT / "benchmarks" / "results" / "mutation.json"
 COPIED = ("src", "tests", "benchmarks", "docs", "tools", "pyproject.toml", "README.md", "CHANGELOG.md", "mkdocs.yml")
 DEAD = {"killed", "timeout", "segfault", "suspicious"}
 UNKNOWN = "not checked"
-TOLD = ("InputError", "BadCertificate", "ClaimRefused", "NotMeasured", "frozen")  # their texts are words of messages
+# their texts are words of messages
+TOLD = ("InputError", "BadCertificate", "ClaimRefused", "NotMeasured", "frozen", "BadFile", "Refused", "refuse")
 
 
 # mutated files import mutmut: left out are tests that ask what a fresh Python imports

@@ -9,6 +9,7 @@ from handfast.proofs.cases import (
     CLOSED,
     FREE,
     HALF,
+    LAST,
     LOCKED,
     MOVES,
     OPEN,
@@ -17,6 +18,7 @@ from handfast.proofs.cases import (
     TURN,
     UNDECIDED,
     BadCertificate,
+    contains,
     leaf_cases,
 )
 from handfast.proofs.question import Question
@@ -68,6 +70,9 @@ FINE = {
         (4, 0, STICK, 0, 0), (4, 0, SLIDE, HALF, HALF + 9), (4, 0, SLIDE, HALF + 9, TURN),
     ],
     "a sector is halved": [*closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 7, THIRD)],
+    "sectors of nearly half a turn": closed(
+        (STICK, 0, 0), (SLIDE, 0, HALF - 1), (SLIDE, HALF - 1, TURN - 9), (SLIDE, TURN - 9, TURN)
+    ),
     "sectors that begin below zero": closed((STICK, 0, 0), *((SLIDE, a - 9, b - 9) for _, a, b in SECTORS)),
 }  # fmt: skip
 
@@ -177,16 +182,26 @@ def test_patches_that_leave_something_out(name):
         cases(soft(), *nodes)
 
 
-def test_patches_end_where_their_numbers_do():
-    nodes, number = closed(*SOFT), 8
-    node = 4
+@pytest.mark.parametrize("upper", [0, 1])
+def test_patches_end_where_their_numbers_do(upper):
+    """Of the first octant the lower halves, of the last one the upper halves, down to the largest number of all."""
+    nodes, number = closed(*SOFT), 8 + 7 * upper
+    node = 4 + 7 * upper
     while 2 * number + 1 < 2**31:
         nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
-        node, number = len(nodes) - 1, 2 * number
+        node, number = len(nodes) - 1 + upper, 2 * number + upper
     cases(soft(), *nodes)
+    assert number == (LAST if upper else 2**30)
     nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
     with pytest.raises(BadCertificate, match="needs the two halves"):
         cases(soft(), *nodes)
+
+
+def test_which_patch_is_part_of_which():
+    pairs = {(8, 8): True, (8, 17): True, (8, 18): False, (16, 8): False, (15, LAST): True, (LAST, LAST): True}
+    pairs |= {(7, 7): False, (7, 14): False, (8, LAST + 1): False, (LAST + 1, LAST + 1): False}
+    outer, inner = np.array(list(pairs)).T
+    assert contains(outer, inner).tolist() == list(pairs.values())
 
 
 def test_deep_trees_in_any_order():
