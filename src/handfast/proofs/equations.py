@@ -324,28 +324,15 @@ class ExactRows:
 
 
 def _rank(rows: list[Sparse], columns: list[int]) -> int:
-    """Exactly. What stands alone in its row or column is counted first, and goes with both."""
-    left = [{j: row[j] for j in columns if j in row and row[j] != 0} for row in rows]
-    alone, found = 0, True
-    while found:
-        count: dict[int, int] = {}
-        for row in left:
-            for j in row:
-                count[j] = count.get(j, 0) + 1
-        gone = {j for row in left if len(row) == 1 for j in row}
-        single = [i for i, row in enumerate(left) if not gone & row.keys() and any(count[j] == 1 for j in row)]
-        alone, found = alone + len(gone) + len(single), bool(gone or single)
-        left = [{j: x for j, x in row.items() if j not in gone} for i, row in enumerate(left) if i not in set(single)]
-    left = [row for row in left if row]
-    places = sorted({j for row in left for j in row})
+    """Exactly; each row over what its numbers share, which are shorter then."""
     zero = fmpz(0)
-    table = []
-    for row in left:
+    table = [[row.get(j, zero) for j in columns] for row in rows]
+    for k, row in enumerate(table):
         shared = zero
-        for x in row.values():
+        for x in row:
             shared = shared.gcd(x)
-        table.append([row[j] // shared if j in row else zero for j in places])
-    return alone + (int(fmpz_mat(table).rank()) if table else 0)
+        table[k] = [x // shared for x in row] if shared else row
+    return int(fmpz_mat(table).rank()) if table and columns else 0
 
 
 def _whole(row: Mapping[int, float | fmpq]) -> tuple[Sparse, int]:
