@@ -48,6 +48,7 @@ def _contacts(ax: Any, summary: LabelSummary) -> None:
     numbers = sorted(summary.contacts)
     ax.bar(numbers, [summary.contacts[n] for n in numbers], color=GREY)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    _whole_grasps(ax)
     ax.set_title("contacts", loc="left", fontsize=10, color=INK)
     ax.set_ylabel("grasps", fontsize=9)
     tidy(ax, 8)
@@ -69,6 +70,7 @@ def _spread(ax: Any, summary: LabelSummary, column: str) -> None:
     for verdict, color in VERDICT_COLORS.items():
         ax.bar(x, bins[verdict], wide, below, align="edge", color=color, lw=0)
         below += bins[verdict]
+    _whole_grasps(ax)
     if not below.any():
         ax.text(0.5, 0.5, "none", transform=ax.transAxes, ha="center", color=GREY)
         ax.set_yticks([])
@@ -76,7 +78,7 @@ def _spread(ax: Any, summary: LabelSummary, column: str) -> None:
         tens = np.arange(np.floor(places[first]), np.ceil(places[last + 1]) + 1)
         shown = tens[(tens >= places[first] - wide) & (tens <= places[last + 1] + wide)]
         shown = [t for t in shown if all(abs(t - at) > ROOM * wide for at, _ in ends)]
-        ends += [(t, num(10**t)) for t in shown or [(places[first] + places[last + 1]) / 2]]
+        ends += [(t, num(10**t, 2)) for t in shown or (places[first], places[last + 1])]
     ends.sort()
     ax.set_xticks([at for at, _ in ends], [text for _, text in ends])
     ax.set_xlim((x[0] if below[0] else places[first]) - wide, (x[-1] if below[-1] else places[last]) + 2 * wide)
@@ -84,3 +86,7 @@ def _spread(ax: Any, summary: LabelSummary, column: str) -> None:
         ax.axvline(0.0, color=INK, lw=0.8, ls=":")
     ax.set_title(PANELS[column], loc="left", fontsize=10, color=INK)
     tidy(ax, 8)
+
+
+def _whole_grasps(ax: Any) -> None:
+    ax.yaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from handfast.core.answer import Stop
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
@@ -105,7 +106,10 @@ def draw_sampled(found: SampledMaximum) -> Figure:
     beyond = len(values) - len(inside)
     if beyond:  # apart from the bars that have a place on the axis
         wide = (end - first) / BINS
-        ax.bar(end + 2 * wide, beyond, 2 * wide, color=AMBER, label=f"{beyond} resist more, or any size")
+        apart = end + 2 * wide
+        ax.bar(apart, beyond, 2 * wide, color=AMBER, label=f"{beyond} resist more, or any size")
+        ticks = [t for t in MaxNLocator(7).tick_values(first, end) if first <= t < end]
+        ax.set_xticks([*ticks, apart], [*(num(t) for t in ticks), "more"])
     for x, label, color, style in sorted(marks, key=lambda m: m[0]):
         value = num(x, 3) if np.isfinite(x) else "any size"
         line = ax.axvline(x, ls=style) if np.isfinite(x) else ax.plot([], [])[0]
@@ -127,6 +131,7 @@ def _mark(answer: MaxAnswer, factor: float, label: str, color: str, style: str) 
 def _end(values: Any, marks: list[float]) -> float:
     """Where the picture ends: all that is finite if it is not far beyond the rest."""
     finite = values[np.isfinite(values)]
-    far = max([float(np.quantile(finite, 0.9)) * 1.6 if len(finite) else 0.0, *(1.15 * m for m in marks)])
-    most = float(finite.max()) * 1.02 if len(finite) else 1.0
-    return max(min(far, most) if np.isfinite(values).all() else max(far, 1e-9), *(1.05 * m for m in marks), 1e-9)
+    least = max((1.05 * m for m in marks), default=1e-9)
+    if not len(finite):
+        return max(least, 1e-9)
+    return max(min(1.6 * float(np.quantile(finite, 0.9)), 1.02 * float(finite.max())), least, 1e-9)

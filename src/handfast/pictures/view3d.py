@@ -162,8 +162,9 @@ def _controls(shown: DrawnScene) -> str:
 
 def _caption(loaded: bool) -> str:
     key = [("force", "force of the hand on the object"), ("load", "disturbance (two heads: torque)")]
-    entries = [*(key if loaded else []), ("cone", "friction cone, joint axis"), ("ink", "contact, normal")]
+    entries = [*(key if loaded else []), ("cone", "friction cone, joint axis")]
     marks = "".join(page_parts.mark(COLORS[name], text) for name, text in entries)
+    marks += page_parts.mark("var(--ink)", "contact, normal")
     return (
         f"{marks}<br>Drag to turn, with Shift (or two fingers) to shift; click and scroll, or pinch, to zoom; "
         "double-click to begin again."
