@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
+from handfast.geometry.contact_patch import few, outline, overlap
 from handfast.geometry.contacts import _merged, contact_grasp, deepest, find_contacts
-from handfast.geometry.patch import few, outline, overlap
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Contact

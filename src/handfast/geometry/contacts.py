@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked, require_positive
+from handfast.geometry.contact_patch import patch
 from handfast.geometry.grasp_joints import joints_and_mechanism
-from handfast.geometry.patch import patch
 from handfast.geometry.scene import PoseLike, Scene, checked_joints, checked_pose
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp

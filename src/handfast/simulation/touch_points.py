@@ -8,8 +8,8 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.core.transforms import normal_frame
+from handfast.geometry.contact_patch import FLAT, patch
 from handfast.geometry.contacts import hidden_points
-from handfast.geometry.patch import FLAT, patch
 from handfast.geometry.scene import HandObjectPair, Scene
 from handfast.model.shape import Shape
 
