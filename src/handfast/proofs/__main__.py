@@ -5,11 +5,15 @@ Exit status: 0 all is proved, 1 something is refused, 2 the file cannot be read.
 
 from __future__ import annotations
 
+import os
 import sys
 
-from handfast.proofs.fields import BadFile
-from handfast.proofs.files import verify_path
-from handfast.proofs.replay import Replay
+for _library in ("OPENBLAS", "MKL"):  # matrices are small: threads for each of them only wait for each other
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+from handfast.proofs.fields import BadFile  # noqa: E402, numpy reads the environment when it is imported
+from handfast.proofs.files import verify_path  # noqa: E402
+from handfast.proofs.replay import Replay  # noqa: E402
 
 
 def main(arguments: list[str]) -> int:

@@ -1,0 +1,70 @@
+"""By how much the equations may be missed, and what that costs a proof."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from handfast.proofs.equations import RightSide, equations_of, power_near
+from handfast.proofs.question import LARGEST, TORQUES, Question
+from handfast.proofs.tolerance import EPS
+from tests.support.proof_states import pinch
+
+JOINTS = [{"name": "a", "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": [0]}]
+
+
+def side(q: Question, scalar: tuple[float, float] | None) -> RightSide:
+    return RightSide.of(q, scalar, len(equations_of(q).E))
+
+
+def largest(wrench: list[float]) -> Question:
+    return pinch(wrench, goal=LARGEST, direction=[0, 3, 0, 0, 0, 0])
+
+
+def test_slack_is_of_the_base_load_and_growth_of_the_direction() -> None:
+    found = side(largest([0, 0, 5, 0, 0, 0]), (1.0, 2.0))
+    np.testing.assert_allclose(found.slack[:6], EPS * 5 * np.ones(6))
+    np.testing.assert_allclose(found.growth[:6], EPS * 3 * np.ones(6))
+    assert (found.scale, found.ends) == (5.0, (1.0, 2.0))
+
+
+def test_without_a_base_load_there_is_slack_only_where_the_scalar_may_be_0() -> None:
+    assert not side(largest([0] * 6), (1.0, 2.0)).slack.any()
+    assert side(largest([0] * 6), (1.0, 2.0)).slip == 0
+    assert side(largest([0] * 6), (0.0, 2.0)).slack[0] == EPS  # 1 N, as nothing acts
+    assert side(largest([0] * 6), (-1.0, 2.0)).slack[0] == EPS
+
+
+def test_without_a_load_slack_grows_with_the_commands_that_are_sought() -> None:
+    """A slide of 2 N per newton of its motor; and one that is not sought is none."""
+    mechanism = {"actuators": [{"name": "m", "joints": {"a": -2.0}}, {"name": "other", "joints": {"a": 9.0}}]}
+    asked = {"joints": JOINTS, "mechanism": mechanism, "driven": ["m"]}
+    found = side(pinch([0] * 6, goal=TORQUES, **asked), (0.5, 1.0))
+    np.testing.assert_allclose(found.growth[:3], EPS * 2.0)
+    assert found.scale == 2.0
+    assert not side(pinch([1, 0, 0, 0, 0, 0], goal=TORQUES, **asked), (0.5, 1.0)).growth.any()
+
+
+def test_multipliers_and_their_changes_cost_slack() -> None:
+    q = pinch([0, 0, -2, 0, 0, 0])
+    equations, given = equations_of(q), side(q, None)
+    v = np.zeros((1, len(equations.E)))
+    v[0, 0] = -3.0
+    change, none = np.zeros_like(v), np.zeros((1, len(equations.of_contacts)))
+    change[0, 1] = 0.5
+    slack, growth = given.costs(equations, v, change, none, none)
+    assert slack == pytest.approx(EPS * 2 * 3.5, rel=1e-6)
+    assert slack >= EPS * 2 * 3.5
+    assert growth == 0
+
+
+def test_what_grows_is_worst_at_the_first_end_where_multipliers_grow_faster() -> None:
+    given = side(largest([0, 0, 5, 0, 0, 0]), (1.0, 3.0))
+    found = given.grown(np.array([2.0, 2.0, 2.0, 0.0]), np.array([2.5, 2.0, 1.0, -1.0]))
+    np.testing.assert_allclose(found, [2.0, 2.0, 6.0, 0.0])
+    endless = side(largest([0, 0, 5, 0, 0, 0]), (1.0, np.inf))
+    assert endless.grown(np.array([0.0]), np.array([-1.0])).tolist() == [0.0]
+
+
+def test_powers_of_two() -> None:
+    assert power_near(np.array([0.0, 1.0, 1.4, 1.5, 6.0, 0.3])).tolist() == [1.0, 1.0, 1.0, 2.0, 8.0, 0.25]
