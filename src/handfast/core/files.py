@@ -6,7 +6,7 @@ import json
 import os
 import unicodedata
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from handfast.core import bundled
 from handfast.core.errors import InputError
 
 SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
@@ -53,6 +54,24 @@ def read_json(path: str | Path, kind: str) -> Any:
         raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
     except ValueError:  # a NUL in the path
         raise InputError(f"is no name of a file; a {kind} file is needed", source=repr(str(path))) from None
+
+
+def read_named(folder: str, source: str | Path, kind: str, make: Callable[[Any, Path], T]) -> T:
+    """What `make` gives of the parsed JSON and the path of a file, or of what comes with the package by name.
+
+    Args:
+        folder: of what comes with the package, see `bundled`.
+        kind: of file, in words.
+
+    Raises:
+        InputError: as `read_json` and `make`, naming the source.
+    """
+    file = Path(bundled.resolve(folder, str(source)))
+    data = read_json(file, kind)
+    try:
+        return make(data, file)
+    except InputError as fault:
+        raise fault.at(str(source)) from None
 
 
 def write_text(path: str | Path, text: str, *, force: bool) -> None:

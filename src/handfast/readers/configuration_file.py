@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import read_json, validate, write_text
+from handfast.core.files import read_named, validate, write_text
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
@@ -36,14 +36,12 @@ def load_configuration(path: str | Path) -> Configuration:
     if read:
         found: Configuration = read(Path(name), tuple(filter(None, chosen.split(","))))
         return found
-    file = bundled.resolve("configurations", str(path))
-    data = read_json(file, "configuration")
-    try:
-        read_file = validate(Configuration, data)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
-    named = {key: _seen_from(Path(file).parent, getattr(read_file, key)) for key in ("hand", "object")}
-    return read_file.model_copy(update=named)
+    return read_named("configurations", path, "configuration", _of_json)
+
+
+def _of_json(data: Any, file: Path) -> Configuration:
+    said = validate(Configuration, data)
+    return said.model_copy(update={key: _seen_from(file.parent, getattr(said, key)) for key in ("hand", "object")})
 
 
 def _seen_from(folder: Path, name: str | None) -> str | None:

@@ -11,10 +11,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked, unknown_name
-from handfast.core.files import Strict, Vector, parse_json, read_json, validate, write_text
+from handfast.core.files import Strict, Vector, parse_json, read_named, validate, write_text
 from handfast.core.schema import LEFT_OUT, InFiles, written
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
@@ -60,12 +59,7 @@ def load_grasp(path: str | Path) -> Grasp:
             unknown or missing field, a normal that is zero or not of unit length, NaN, negative
             friction, `moves` out of range, an unknown joint or actuator, no contacts, too many of them.
     """
-    file = bundled.resolve("grasps", str(path))
-    data = read_json(file, "grasp")
-    try:
-        return from_dict(data, name=Path(file).stem, folder=Path(file).parent)
-    except InputError as error:
-        raise error.at(str(path)) from None
+    return read_named("grasps", path, "grasp", lambda data, at: from_dict(data, name=at.stem, folder=at.parent))
 
 
 def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = None) -> Grasp:

@@ -14,10 +14,9 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from handfast.core import bundled
 from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
-from handfast.core.files import Finite, Strict, Vector, read_json, validate, write_text
+from handfast.core.files import Finite, Strict, Vector, read_named, validate, write_text
 from handfast.model.cylinder_side import ConeSide, CylinderSide
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegion, HandRegions, Role
@@ -101,20 +100,19 @@ def load_hand_regions(source: str | Path, hand: Hand | None = None) -> HandRegio
             unknown or missing field, a link that the hand does not have (its links are listed), a role that is
             none of tip, pad and palm, a degenerate region, no regions.
     """
-    file = Path(bundled.resolve("hand_regions", str(source)))
-    data = read_json(file, "hand-regions")
-    try:
+
+    def regions(data: Any, file: Path) -> HandRegions:
         entry = validate(HandRegionsFile, data)
         named = entry.hand if entry.hand in bundled_hands() else str(file.parent / entry.hand)
-        regions = tuple(
+        each = tuple(
             HandRegion(name, r.link, r.region.region(f"regions.{name}.region", False), r.finger, r.role, r.error)
             for name, r in entry.regions.items()
         )
-        found = HandRegions(named, regions)
+        found = HandRegions(named, each)
         found.refuse_strangers(hand or load_hand(named))
-    except InputError as fault:
-        raise fault.at(str(source)) from None
-    return found
+        return found
+
+    return read_named("hand_regions", source, "hand-regions", regions)
 
 
 def save_hand_regions(regions: HandRegions, path: str | Path, *, force: bool = False) -> None:

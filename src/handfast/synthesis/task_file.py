@@ -22,7 +22,7 @@ from pydantic import Field
 
 from handfast.core import bundled
 from handfast.core.errors import InputError
-from handfast.core.files import Finite, Strict, read_json, validate, write_text
+from handfast.core.files import Finite, Strict, read_named, validate, write_text
 from handfast.model.hand.hand import Coupling, Hand
 from handfast.readers.load_hand import bundled_hands, load_hand
 from handfast.readers.mesh_file import MESH_FILES
@@ -102,12 +102,7 @@ def load_task(path: str | Path) -> Task:
             a lower limit above the upper one, a joint tied to itself, a region with too few or ragged
             points, a degenerate one, pose bounds that no pose can meet, no contacts.
     """
-    file = bundled.resolve("tasks", str(path))
-    data = read_json(file, "task")
-    try:
-        return from_dict(data, folder=Path(file).parent, name=Path(file).stem)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
+    return read_named("tasks", path, "task", lambda data, at: from_dict(data, folder=at.parent, name=at.stem))
 
 
 def from_dict(data: Any, *, folder: str | Path = ".", name: str = "") -> Task:

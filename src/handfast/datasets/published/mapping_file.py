@@ -18,7 +18,7 @@ from pydantic import Field
 from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import Finite, Strict, read_json, validate
+from handfast.core.files import Finite, Strict, read_named, validate
 from handfast.datasets.published.recorded import Joints, Posture, RecordedGrasp
 from handfast.model.configuration import PoseFile
 from handfast.model.hand.hand import Hand
@@ -64,10 +64,7 @@ class HandMapping(Strict):
 
 def read_mapping(path: str | Path) -> HandMapping:
     """A mapping by path or bundled name, whatever the hand; `InputError` naming the first field that is wrong."""
-    try:
-        return validate(HandMapping, read_json(bundled.resolve(KIND, str(path)), "mapping"))
-    except InputError as fault:
-        raise fault.at(str(path)) from None
+    return read_named(KIND, path, "mapping", lambda data, _: validate(HandMapping, data))
 
 
 def load_mapping(path: str | Path, hand: Hand) -> HandMapping:
