@@ -180,6 +180,9 @@ def _show_found(out: Console, answer: Grasps) -> None:
     used = {n: v for n, v in best.grasp.preload.items() if v}
     squeezed = ", ".join(f"{n} {num(v)}" for n, v in used.items()) or "nothing commanded, the gearing holds"
     out.print(f"\nCommands of the best [{unit}]: {squeezed}; every other actuator is locked.", soft_wrap=True)
+    if any(g.fragile for g in answer.grasps):
+        line = "two point contacts have no moment about the line between them, and the load has none only exactly there"
+        out.print(f"Fragile: {line}.", soft_wrap=True)
     worst = max(a.witness.residuals.worst for g in answer.grasps for a in g.answer.checks if a.witness)
     out.print(
         f"Existence proved by the Krawczyk test, every load by an equilibrium of equations (1) to (8), residual "

@@ -16,6 +16,7 @@ from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
+from handfast.planning.evaluation.line_balance import LineBalance
 from handfast.planning.evaluation.preload_search import held, held_again
 from handfast.planning.evaluation.steps import GraspRefinement, Steps
 from handfast.planning.question import Requirements
@@ -76,6 +77,7 @@ class LocalSearch:
         self.evaluator, self.seed, self.requirements = evaluator, seed, requirements
         self.starts = Starts(evaluator.problem, seed)
         self.walks = Walks(self.starts)
+        self.line = LineBalance(self.walks, evaluator.loads)
         self.end = np.inf  # of the monotonic clock
 
     def warm(self) -> None:
@@ -128,8 +130,9 @@ class LocalSearch:
         return now, said
 
     def candidates(self, found: Iterable[Certified], below: float = np.inf) -> list[GraspCandidate]:
-        """Those whose cost is below what is asked."""
-        return [c for c in (self.evaluator.candidate(f, below) for f in found) if c]
+        """Those whose cost is below what is asked; two contacts where the load has no moment about their line."""
+        balanced = map(self.line.balanced, found)
+        return [c for c in (self.evaluator.candidate(f, below) for f in balanced) if c]
 
     def judged(self, candidate: GraspCandidate) -> HoldAnswer | RejectionReason:
         """The answer with a preload that holds every load, or why there is none."""

@@ -97,6 +97,11 @@ class ProvedGrasp(Presented):
         return Configuration.of(task.hand, self.q, self.pose, preload=self.grasp.preload or None, **named)
 
     @property
+    def fragile(self) -> bool:
+        """Do two point contacts balance the loads, which they do only at exactly this placement?"""
+        return len(self.grasp.contacts) == 2
+
+    @property
     def derived(self) -> Derived:
         """What is said of it that its proofs, preload and loads alone give: a replay computes it again."""
         preload = self.answer.preload or {}
@@ -108,6 +113,7 @@ class ProvedGrasp(Presented):
         return {
             "score": self.score,
             "repaired": self.repaired,
+            "fragile": self.fragile,
             "lower": finite(self.answer.lower),
             "residual": max((a.proved.residual for a in self.answer.checks if a.proved), default=None),
             "clearances": self.clearances.to_json(),
