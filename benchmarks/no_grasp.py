@@ -8,8 +8,8 @@
   of two with the centre of mass near the line, three contacts on a wedge. Bisection between what is shown to be
   impossible with `--boxes` boxes, and a placement at which forces balance all loads.
 - *held*: tasks cut around contacts that hold: flat and curved regions of 2 mm about contacts of bundled grasps and of
-  random ones, loads that forces in the friction cones balance, some on the edge of a cone. None may be refuted, and
-  no box about the contacts.
+  random ones, loads that forces in the friction cones balance, some on the edge of a cone, half of them with a limit
+  of normal forces that one of them reaches. None may be refuted, and no box about the contacts.
 
 Writes benchmarks/results/no_grasp.json after every part and prints Markdown tables.
 """
@@ -71,7 +71,7 @@ def two(options: argparse.Namespace) -> list[dict[str, Any]]:
         begin, regions = time.process_time(), read_task(task_to_dict(task)).on_object
         wrenches = {key: np.array(w) for key, w in loads.by_name.items()}
         done = replay_unbalanced(
-            regions, wrenches, body.friction, body.center_of_mass, Fields(json.loads(json.dumps(proof)))
+            regions, wrenches, body.friction, np.inf, body.center_of_mass, Fields(json.loads(json.dumps(proof)))
         )
         low, high = search.placements.root.T
         at = low + (high - low) * np.random.default_rng(0).random((20_000, len(low)))
@@ -207,20 +207,23 @@ def known(rng: np.random.Generator) -> tuple[Array, Array, float]:
 def held(options: argparse.Namespace) -> dict[str, Any]:
     """How many tasks about contacts that hold are refuted, and how many boxes about the contacts: both 0."""
     rng, hand = np.random.default_rng(11), load_hand("schunk-sah")
-    wrong, lost, tried, edges_, curved = 0, 0, 0, 0, 0
+    wrong, lost, tried, edges_, curved, limited = 0, 0, 0, 0, 0, 0
     for _ in range(options.tasks):
         p, n, mu = known(rng)
         use, wrench = rng.choice(SHARES, size=len(p)), np.zeros(6)
-        for point, normal, share in zip(p, n, use, strict=True):
+        pushed = rng.exponential(size=len(p))
+        for point, normal, share, size in zip(p, n, use, pushed, strict=True):
             t = np.cross(normal, rng.normal(size=3))
-            force = rng.exponential() * (normal + mu * share * t / np.linalg.norm(t))
+            force = size * (normal + mu * share * t / np.linalg.norm(t))
             wrench -= np.r_[force, np.cross(point, force)]
+        limit = None if rng.random() < 0.5 else float(pushed.max()) * (1 + 1e-12)
         bent = float(rng.choice([0.0, 0.3]))
         pairs = tuple(
             ContactPair("index_distal", TIP, region(a, b, HALF, bent, rng)) for a, b in zip(p, n, strict=True)
         )
         # the friction that the forces use, but for the rounding of contacts on the edge of a cone
-        search = NoBalance(Task.of(hand, pairs), Loads.wrench(wrench), mu * (1 + 1e-12), center=np.zeros(3))
+        how: dict[str, Any] = {"center": np.zeros(3), "force_limit": limit}
+        search = NoBalance(Task.of(hand, pairs), Loads.wrench(wrench), mu * (1 + 1e-12), **how)
         search.looked = True  # it is to try, whatever balances
         search._missing = lambda at: np.ones(len(at))  # type: ignore[method-assign]
         search.run(options.held_boxes)
@@ -231,11 +234,13 @@ def held(options: argparse.Namespace) -> dict[str, Any]:
         boxes = np.stack([low, high], axis=2)
         closed, _, _ = search._examined(boxes, np.full(8, NO_MOTION))
         lost += int((closed != NO_MOTION).sum())
+        limited += limit is not None
         tried, edges_, curved = tried + 1, edges_ + bool((use == 1).any()), curved + bool(bent)
     return {
         "tasks": tried,
         "on_an_edge": edges_,
         "curved": curved,
+        "forces_limited": limited,
         "refuted": wrong,
         "boxes": 8 * tried,
         "boxes_lost": lost,

@@ -35,8 +35,10 @@ def weights(center: Any, mass: float = 0.1) -> Loads:
     return Loads(tuple("abcdef"), np.hstack([forces, np.cross(center, forces)]))
 
 
-def searched(task: Task, loads: Loads, friction: float = 0.5, boxes: int = 600) -> NoBalance:
-    search = NoBalance(task, loads, friction, center=np.zeros(3))
+def searched(
+    task: Task, loads: Loads, friction: float = 0.5, boxes: int = 600, limit: float | None = None
+) -> NoBalance:
+    search = NoBalance(task, loads, friction, center=np.zeros(3), force_limit=limit)
     search.run(boxes)
     return search
 
@@ -48,7 +50,7 @@ def replayed(search: NoBalance, loads: Loads, friction: float = 0.5) -> bool:
     wrenches = {name: np.array(w) for name, w in loads.by_name.items()}
     proof = json.loads(json.dumps(search.to_json()))
     regions = read_task(task_to_dict(search.task)).on_object
-    return replay_unbalanced(regions, wrenches, friction, None, Fields(proof)).ok
+    return replay_unbalanced(regions, wrenches, friction, search.placements.force_limit, None, Fields(proof)).ok
 
 
 # --- cases known by hand -----------------------------------------------------------------------------
@@ -87,6 +89,16 @@ def test_three_contacts_on_a_wedge_slip_off_it(degrees: float, shown: bool) -> N
     if shown:
         assert replayed(search, loads)
         assert not replayed(search, loads, friction=1.0)
+
+
+@pytest.mark.parametrize(("weighs", "shown"), [(0.9, False), (1.1, True)])
+def test_jaws_that_push_with_little_force_let_it_slip(weighs: float, shown: bool) -> None:
+    """Friction of two contacts that push with up to 1 N, mu = 0.5, carries 1 N."""
+    loads = weights([0, 0, 0], weighs / 9.81)
+    search = searched(grip(0.05), loads, limit=1.0, boxes=3000)
+    assert search.shown == shown
+    assert replayed(search, loads) == shown
+    assert not searched(grip(0.05), loads, boxes=64).shown
 
 
 # --- no false proof -----------------------------------------------------------------------------------

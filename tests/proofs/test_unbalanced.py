@@ -42,7 +42,7 @@ def jaws(half: float = HALF) -> list[RegionData]:
 
 
 def replayed(regions: list[RegionData], loads: dict[str, Array], proof: Any, mu: float = 0.5, **how: Any) -> Replay:
-    return replay_unbalanced(regions, loads, mu, how.get("center"), Fields(proof))
+    return replay_unbalanced(regions, loads, mu, how.get("limit", np.inf), how.get("center"), Fields(proof))
 
 
 def of_line(i: int, j: int, **loads: float) -> dict[str, Any]:
@@ -142,6 +142,31 @@ def test_a_third_contact_has_to_let_it_turn() -> None:
     assert replayed(data(*regions, top), {"w": weight(FAR)}, of_line(1, 0), mu=0.1).ok
 
 
+@pytest.mark.parametrize(("weighs", "shown"), [(1.01, True), (0.99, False)])
+def test_limited_forces_carry_no_more_than_their_friction(weighs: float, shown: bool) -> None:
+    """Jaws that push with up to 1 N, mu = 0.5: their friction carries 2 x 0.5 N, wherever they are."""
+    loads = {"w": weight([0, 0, 0], weighs * DOWN)}
+    done = replayed(jaws(), loads, of_twist(0, 0, -1, 0, 0, 0), limit=1.0)
+    assert done.ok == shown
+    assert "with a friction of 0.5 and normal forces up to 1 N no contact forces" in done.claim
+    assert not replayed(jaws(), loads, of_twist(0, 0, -1, 0, 0, 0)).ok  # any force would do
+    assert not replayed(jaws(), loads, of_twist(0, 0, 1, 0, 0, 0), limit=1.0).ok
+
+
+def test_limited_forces_have_no_moment_about_their_line_either() -> None:
+    for limit in (1e-3, 1.0, 1e9):
+        assert replayed(jaws(), {"w": weight(FAR)}, of_line(1, 0), limit=limit).ok
+        assert not replayed(jaws(), {"w": weight(FAR)}, of_line(0, 1), limit=limit).ok
+
+
+@pytest.mark.parametrize(("pushes", "shown"), [(0.3, True), (0.45, False)])
+def test_limited_third_contact_lets_it_turn(pushes: float, shown: bool) -> None:
+    """1 N at 30 mm from the jaws' line against a contact below, which pushes up at 80 mm (79 to 81 mm)."""
+    below = patch([0.08, 0, -0.01], [0, 1e-3, 0], [1e-3, 0, 0])
+    regions = data(square(1, WIDTH / 2, 1e-5), square(-1, -WIDTH / 2, 1e-5), below)
+    assert replayed(regions, {"w": weight(FAR)}, of_line(1, 0), mu=0.0, limit=pushes).ok == shown
+
+
 def test_a_whole_cap_is_cut_into_boxes() -> None:
     """A ball's lower half pushes up: no weight that pulls up is balanced, by no other twist than straight up."""
     cap = data(Cap((0.01, 0, 0), 0.02, (0, 0, -1), np.radians(20)))
@@ -229,8 +254,8 @@ def test_what_is_refuted_is_so_at_every_placement(seed: int) -> None:
     """Of random boxes and twists, at random placements: the definition in plain numbers."""
     rng, contacts = np.random.default_rng(seed), 2 + seed % 3
     regions, load = skew(seed, contacts)
-    mu = 0.3
-    placements = Placements.of(data(*regions), load[None], mu)
+    mu, limit = 0.3, (np.inf, 0.3)[seed % 2]
+    placements = Placements.of(data(*regions), load[None], mu, limit)
     low = 0.8 * rng.random((400, 2 * contacts))
     boxes = np.stack([low, low + 0.2 * rng.random((400, 1))], axis=2)
     line = np.array([rng.permutation(contacts)[:2] if k % 2 else [-1, -1] for k in range(400)])
@@ -247,10 +272,13 @@ def test_what_is_refuted_is_so_at_every_placement(seed: int) -> None:
         normal = (u * n).sum(axis=2)
         slip = np.linalg.norm(u - normal[..., None] * n, axis=2)
         rests = np.isin(np.arange(contacts), pair)
-        held.append(bool((((normal >= mu * slip) | rests).all(axis=1) & (v @ load[:3] + omega @ load[3:] > 0)).all()))
+        short = np.where(rests, 0.0, np.maximum(mu * slip - normal, 0.0)).sum(axis=1)
+        least = np.where(short > 0, limit * short, 0.0) if np.isfinite(limit) else np.where(short > 0, np.inf, 0.0)
+        held.append(bool((v @ load[:3] + omega @ load[3:] > least).all()))
     assert not (shown & ~np.array(held)).any()
     if contacts == 2:
         assert shown.any()
+        assert not shown.all()
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -191,7 +191,8 @@ class _TaskSearch:
     def proof_of_none(self, saved: Any = None) -> NoBalance:
         """The search for a proof that no forces balance the loads, from where an earlier one was."""
         e, r, center = self.evaluator, self.work.requirements, np.asarray(self.body.center_of_mass, dtype=float)
-        return NoBalance(e.task, e.loads, r.friction, center=center, seed=self.work.seed, saved=saved)
+        how: dict[str, Any] = {"center": center, "force_limit": r.force_limit, "seed": self.work.seed}
+        return NoBalance(e.task, e.loads, r.friction, **how, saved=saved)
 
     def search(self, pool: WorkerPool[LocalSearch]) -> Stop:
         """Units in order until there are enough, or it is shown that there are none, or the time is over."""

@@ -25,7 +25,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.filters.balance import CIRCUMSCRIBED, EDGES, imbalance
+from handfast.planning.filters.balance import BALANCED, CIRCUMSCRIBED, EDGES, imbalance
 from handfast.proofs.fields import BadFile, Fields, Integers
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import read_task
@@ -40,6 +40,7 @@ LOOKS = 24  # placements, drawn at random, of which one at which all loads balan
 ROUNDS, STEPS, LONGEST = 12, 8, 0.3  # of steps from the best of them; share of the whole
 LOOKED_AT = 2  # of the boxes of a step that are halved, in whose middles all loads may balance
 HEAVY = 20.0  # length of the load's wrench beside those of contact forces: it is the same in the whole box
+TIED = 30.0  # weight of the sum of a contact's shares, which is 1, beside a load of length 1
 NOTHING = 1e-7  # a shortest vector below this is none
 TINY = 1e-300
 CORNERS = np.array([[0.5, 0.5], [0, 0], [0, 1], [1, 0], [1, 1]])  # of a contact's parameters in a box, the middle first
@@ -115,6 +116,7 @@ class NoBalance:
 
     Args:
         loads: each alone has to be balanced. friction: coefficient at every contact.
+        force_limit: [N] largest normal force at any contact; None for none.
         center: (3,) [m] the object's centre of mass.
         seed: of the placements that are looked at first.
         saved: what `to_json` made, to go on from.
@@ -130,6 +132,7 @@ class NoBalance:
         friction: float,
         *,
         center: Array,
+        force_limit: float | None = None,
         seed: int = 0,
         saved: Any = None,
     ) -> None:
@@ -137,7 +140,9 @@ class NoBalance:
         self.names, self.center = loads.names, None
         if len(regions) == 2 and all(loads.weights):
             self.center = np.asarray(center, dtype=float)
-        self.placements = Placements.of(regions, loads.wrenches, friction)
+        self.placements = Placements.of(
+            regions, loads.wrenches, friction, np.inf if force_limit is None else force_limit
+        )
         self.whole = np.ptp(self.placements.root, axis=1)
         self.motions = Motions(np.zeros((0, len(loads))), np.zeros((0, 2), dtype=np.int64), np.zeros((0, 6)))
         self.hits = np.zeros(len(loads))  # how often each load refuted a box
@@ -209,8 +214,15 @@ class NoBalance:
         """(N,) how much of the loads forces cannot balance at placements (N, 2 K); notes one where that is nothing."""
         out = np.zeros(len(at))
         for n, (p, normals) in enumerate(zip(*self.placements.at(at), strict=True)):
-            grasp = Grasp([Contact(*there, self.placements.friction) for there in zip(p, normals, strict=True)])
-            out[n] = imbalance(grasp, self.placements.loads).sum()
+            if np.isfinite(self.placements.force_limit):
+                wrenches = _wrenches(p, normals, self.placements, 1.0, p.mean(axis=0), 1.0)
+                short = [
+                    np.linalg.norm(self._separating(wrenches, w, p.mean(axis=0), 1.0)) for w in self.placements.loads
+                ]
+                out[n] = sum(x for x in short if x > BALANCED)
+            else:
+                grasp = Grasp([Contact(*there, self.placements.friction) for there in zip(p, normals, strict=True)])
+                out[n] = imbalance(grasp, self.placements.loads).sum()
             if not out[n]:
                 self.balanced = at[n]
                 break
@@ -301,17 +313,34 @@ class NoBalance:
         out, order = np.full(len(its), NO_MOTION), np.argsort(-self.hits, kind="stable")
         for n, k in enumerate(its):
             center, size = corners.points[k, 0].mean(axis=0), corners.size[k]
-            p, force = corners.points[k].reshape(-1, 3), _edges(corners.normals[k].reshape(-1, 3), self.placements)
-            contacts = np.concatenate([force, np.cross((p - center) / size, force)], axis=2).reshape(-1, 6)
+            p, normals = (np.swapaxes(a, 0, 1) for a in (corners.points[k], corners.normals[k]))
+            contacts = _wrenches(p, normals, self.placements, CIRCUMSCRIBED, center, size)
             for load in order:
-                w = self.placements.loads[load]
-                own = np.r_[w[:3], (w[3:] - np.cross(center, w[:3])) / size]
-                z = _shortest(np.vstack([contacts, HEAVY * own / max(float(np.linalg.norm(own)), TINY)]))
+                z = self._separating(contacts, self.placements.loads[load], center, size)
                 if np.linalg.norm(z) > NOTHING:
                     twist = np.r_[z[:3] - np.cross(z[3:] / size, center), z[3:] / size]
                     (out[n],) = self._added(np.eye(len(order))[[load]], np.array([[NO_MOTION] * 2]), twist[None])
                     break
         return out
+
+    def _separating(self, contacts: Array, load: Array, center: Array, size: float) -> Array:
+        """(6,) a twist about a centre, turns times a size, on which a load and contact forces do work; 0 if there is
+        none.
+
+        Without a limit of forces the shortest vector in the convex hull of the wrenches (K, M, 6) and of the load; with
+        one the shortest sum of the load, and of a vector in the convex hull of 0 and the wrenches of each contact.
+        """
+        own = np.r_[load[:3], (load[3:] - np.cross(center, load[:3])) / size]
+        length = max(float(np.linalg.norm(own)), TINY)
+        K, M, _ = contacts.shape
+        if not np.isfinite(self.placements.force_limit):
+            vectors = np.vstack([contacts.reshape(-1, 6), HEAVY * own / length])
+            x, _ = nnls(np.vstack([vectors.T, np.ones(len(vectors))]), np.r_[np.zeros(6), 1.0])
+            return np.asarray(vectors.T @ x)
+        forces = contacts.reshape(-1, 6).T * (self.placements.force_limit / length)
+        shares = np.hstack([np.kron(np.eye(K), np.ones(M)), np.eye(K)]) * TIED
+        x, _ = nnls(np.vstack([np.hstack([forces, np.zeros((6, K))]), shares]), np.r_[-own / length, np.full(K, TIED)])
+        return np.asarray(forces @ x[: K * M] + own / length)
 
     # --- files ---
 
@@ -350,19 +379,19 @@ class NoBalance:
         self.boxes = len(tree.entries) - len(self.open)
 
 
-def _edges(normals: Array, placements: Placements) -> Array:
-    """(E, N, 3) unit forces along the edges of pyramids that hold the friction cones about normals (N, 3)."""
-    if not placements.friction:
-        return normals[None]
-    first = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    angle = (2 * np.pi / EDGES * np.arange(EDGES))[:, None, None]
+def _wrenches(
+    points: Array, normals: Array, placements: Placements, factor: float, center: Array, size: float
+) -> Array:
+    """(K, M, 6) about a centre, torques over a size: forces along the edges of pyramids about normals (K, ..., 3).
+
+    Their normal force is 1 where forces are limited; else their length. factor: on the friction.
+    """
+    first = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=-1)])
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    angle = (2 * np.pi / EDGES * np.arange(EDGES)).reshape(-1, *[1] * normals.ndim)
     around = np.cos(angle) * first + np.sin(angle) * np.cross(normals, first)
-    edges = normals + placements.friction * CIRCUMSCRIBED * around
-    return np.asarray(edges / np.linalg.norm(edges, axis=2, keepdims=True))
-
-
-def _shortest(vectors: Array) -> Array:
-    """(6,) along the shortest vector in the convex hull of vectors (N, 6), by non-negative least squares."""
-    x, _ = nnls(np.vstack([vectors.T, np.ones(len(vectors))]), np.r_[np.zeros(6), 1.0])
-    return np.asarray(vectors.T @ x)
+    force = normals + placements.friction * factor * around
+    if not np.isfinite(placements.force_limit):
+        force /= np.linalg.norm(force, axis=-1, keepdims=True)
+    out = np.concatenate([force, np.cross((points - center) / size, force)], axis=-1)
+    return np.asarray(np.moveaxis(out, 0, 1).reshape(len(points), -1, 6))

@@ -60,7 +60,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     if none is not None and refused:
         return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
     if none is not None:
-        part = replay_unbalanced(task.on_object, loads, terms.friction, center, none)
+        part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, center, none)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     try:
         equations = ContactEquations.of(task)

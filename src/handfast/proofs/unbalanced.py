@@ -10,6 +10,9 @@ in balance (Farkas' lemma). The load may be a sum of several with weights that a
 of them, they balance the sum. A twist may be constant in a box of placements, or that of turning about the line through
 two contacts, wherever these are: both then rest, and only the others have to meet the first condition.
 
+Where normal forces are at most f, the first condition may be missed: at each contact forces then do no less work than
+-f (mu |u_t| - n.u), and the load has to do more than all of these.
+
 A proof is a tree of boxes, halved until each has such a twist. Every box is checked in interval arithmetic. The
 load may be missed by as much as a state that holds may miss it (`tolerance`).
 """
@@ -84,19 +87,24 @@ class Placements:
     Attributes:
         side: the regions. root: (2 K, 2) the whole range of the parameters, two for each contact.
         loads: (k, 6) forces [N] and torques [N m] at the object's origin. friction: coefficient at every contact.
+        force_limit: [N] largest normal force at any contact; inf for none.
     """
 
     side: ContactSide
     root: Array
     loads: Array
     friction: float
+    force_limit: float = np.inf
 
     @classmethod
-    def of(cls, regions: Sequence[RegionData], loads: Array, friction: float) -> Placements:
+    def of(
+        cls, regions: Sequence[RegionData], loads: Array, friction: float, force_limit: float = np.inf
+    ) -> Placements:
         """Of the object regions of a task."""
         columns = np.arange(2 * len(regions)).reshape(-1, 2)
         root = np.concatenate([region.ends for region in regions])
-        return cls(ContactSide.of(regions, columns, still=False), root, np.asarray(loads, dtype=float), friction)
+        side = ContactSide.of(regions, columns, still=False)
+        return cls(side, root, np.asarray(loads, dtype=float), friction, force_limit)
 
     @property
     def count(self) -> int:
@@ -130,7 +138,8 @@ class Placements:
         lower, _ = _mean_value(rows, middle, over - at)
         shown = lower >= 0
         shown[:, 0] = lower[:, 0] > least
-        shown[:, [1 + k for k in line if k >= 0]] = True  # the contacts on the line rest
+        if not np.isfinite(self.force_limit):
+            shown[:, [1 + k for k in line if k >= 0]] = True  # the contacts on the line rest
         size = _changes(rows, over - at).mag
         share = size / size.sum(axis=2, keepdims=True)
         return np.asarray(shown.all(axis=1)), np.where(shown[..., None], 0.0, share).sum(axis=1)
@@ -138,7 +147,8 @@ class Placements:
     def _rows(self, x: Interval, motions: Motions, line: tuple[int, int], n: int) -> tuple[Dual, Array]:
         """(N, 1 + K) work of the load, then n.u - sin |u| of each contact, with n derivatives or none.
 
-        And (N,) how much work at most the load does that a state may miss.
+        Where forces are limited (N, 1): the work of the load and the least of all contact forces. And (N,) how much
+        work at most the load does that a state may miss.
         """
         at = self.side.at(x)
         point, normal = (self.side.spread(a, n) for a in (at.point, at.normal))
@@ -151,11 +161,16 @@ class Placements:
             omega = second - first
             v = cross(first, omega)
         u = v[..., None, :] + cross(omega[..., None, :], point)
-        cones = dot(-normal, u) - sqrt(sqr(u).sum()) * self.sine
         work = dot(v, Dual.constant(force, n)) + dot(omega, Dual.constant(torque, n))
-        return join([work[..., None], cones], -1), self._missed(
-            point.value, v.value, omega.value, motions.weights, line
-        )
+        pushed = dot(-normal, u)
+        missed = self._missed(point.value, v.value, omega.value, motions.weights, line)
+        if np.isfinite(self.force_limit):
+            slip = sqrt(sqr(u + pushed[..., None] * normal).sum())
+            moved = [k for k in range(self.count) if k not in line]  # the others rest
+            resisted = _positive(slip * self.friction - pushed)[..., moved].sum() * self.force_limit
+            return (work - resisted)[..., None], missed
+        cones = pushed - sqrt(sqr(u).sum()) * self.sine
+        return join([work[..., None], cones], -1), missed
 
     def _missed(self, p: Interval, v: Interval, omega: Interval, weights: Array, line: tuple[int, int]) -> Array:
         """(N,) an upper bound of the work of what a state may miss of the load, see `tolerance`.
@@ -318,6 +333,14 @@ class UnbalancedTree:
         return len(closed) - len(which)
 
 
+def _positive(x: Dual) -> Dual:
+    """The larger of 0 and x, with its generalised derivative."""
+    low, high = x.value.lo, x.value.hi
+    slope = Interval.between(np.minimum(x.slope.lo, 0.0), np.maximum(x.slope.hi, 0.0))
+    ends = np.where((high <= 0)[..., None], 0.0, np.where((low >= 0)[..., None], x.slope.ends, slope.ends))
+    return Dual(Interval.between(np.maximum(low, 0.0), np.maximum(high, 0.0)), Interval(ends))
+
+
 def _batches(its: Integers) -> Iterator[Integers]:
     return (its[k : k + BATCH] for k in range(0, len(its), BATCH))
 
@@ -330,12 +353,18 @@ def halves(box: Array, k: int) -> tuple[Array, Array]:
 
 
 def replay_unbalanced(
-    regions: Sequence[RegionData], loads: Mapping[str, Array], friction: float, center: Array | None, f: Fields
+    regions: Sequence[RegionData],
+    loads: Mapping[str, Array],
+    friction: float,
+    force_limit: float,
+    center: Array | None,
+    f: Fields,
 ) -> Replay:
     """The claim that no contact forces balance all of some loads, each alone, wherever the contacts are.
 
     Args:
         regions: of the object, one for each contact. loads: (6,) by name.
+        force_limit: [N] largest normal force at any contact; inf for none.
         center: (3,) the object's centre of mass if its distance from the line through two contacts is wanted.
 
     Raises:
@@ -343,9 +372,12 @@ def replay_unbalanced(
     """
     names = list(loads)
     tree = UnbalancedTree.read(f, names, len(regions))
-    placements = Placements.of(regions, np.array(list(loads.values())), friction)
+    placements = Placements.of(regions, np.array(list(loads.values())), friction, force_limit)
     used = [name for i, name in enumerate(names) if tree.motions.weights[:, i].any()]
-    claim = f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g} no contact "
+    limit = f" and normal forces up to {force_limit:g} N" if np.isfinite(force_limit) else ""
+    claim = (
+        f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g}{limit} no contact "
+    )
     claim += f"forces balance {'all of ' if len(used) > 1 else ''}{', '.join(used)}"
     figures: dict[str, Figure] = {"boxes": len(tree.entries)}
     try:
