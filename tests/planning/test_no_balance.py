@@ -166,13 +166,14 @@ def none() -> Grasps:
 
 def test_two_fingertips_carry_no_weight_off_their_line(none: Grasps) -> None:
     assert (none.verdict, none.stop, none.grasps) == (Reach.NONE, Stop.COMPLETE, ())
+    assert none.balance is not None
     assert none.balance.shown
     assert none.balance.discarded == 1.0
     assert 0.005 < (none.balance.line_distance or 0) < 0.0087
-    report = none.verify()
+    report, distance = none.verify(), none.balance.line_distance
     assert report.ok
     assert "at least" in report.replayed[0]
-    assert report.part("balance").figures["line_distance"] == none.balance.line_distance  # type: ignore[union-attr]
+    assert report.part("balance").figures["line_distance"] == distance  # type: ignore[union-attr]
 
 
 def test_none_is_saved_and_verified(none: Grasps, tmp_path: Path) -> None:
@@ -218,8 +219,11 @@ def test_the_command_says_why(capsys: pytest.CaptureFixture[str], tmp_path: Path
 def test_where_forces_balance_the_search_for_a_proof_ends() -> None:
     found = grasp_for(load_task("scalpel-incision"), loads=Loads.gravity(load_body("scalpel"), "z"), timeout=60, jobs=1)
     assert found.verdict is Reach.FOUND
-    assert found.balance.balanced is not None
+    assert found.balance is None
     assert found.search.balance is None
+    search = NoBalance(found.task, found.loads, 0.5, center=np.zeros(3))
+    search.run(1)
+    assert search.balanced is not None
 
 
 # --- going on -----------------------------------------------------------------------------------------

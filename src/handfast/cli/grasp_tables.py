@@ -35,6 +35,7 @@ SHORT = {  # reasons in a few words, for a line of progress
 
 if TYPE_CHECKING:
     from handfast.planning.no_balance import BalanceSearched
+    from handfast.planning.question import Requirements
     from handfast.planning.results.grasps import Grasps
 
 
@@ -107,8 +108,9 @@ def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), time
 def sentence(answer: Grasps) -> str:
     """The answer in one sentence."""
     n, seconds = len(answer.grasps), f"in {num(answer.seconds, 3)} s"
-    if answer.balance.shown:
-        return f"{no_balance_text(answer)}, wherever in their regions the contacts are. Proved {seconds}."
+    if answer.balance and answer.balance.shown:
+        why = no_balance_text(answer.balance, answer.requirements)
+        return f"{why}, wherever in their regions the contacts are. Proved {seconds}."
     if answer.verdict is Reach.NONE:
         return f"The hand cannot bring the regions together: every part of the space was discarded {seconds}."
     if not n:
@@ -123,11 +125,12 @@ def sentence(answer: Grasps) -> str:
     return f"{which}, {seconds}.{short}"
 
 
-def no_balance_text(answer: Grasps) -> str:
+def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
     """Why no contact forces balance the loads."""
-    distance = answer.balance.line_distance
+    distance = searched.line_distance
     if not distance:
-        return f"No contact forces balance the loads with a friction of {num(answer.requirements.friction)}"
+        limit = "" if asked.force_limit is None else f", normal forces up to {num(asked.force_limit)} N"
+        return f"No contact forces balance the loads with a friction of {num(asked.friction)}{limit}"
     near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance)} mm"
     return f"Two fingertips have no moment about the line between them, and {near}"
 
@@ -202,5 +205,5 @@ def _show_tally(out: Console, answer: Grasps) -> None:
         out.print(grid)
         looked = f"{answer.evaluated} certified configurations judged, steps included"
         out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
-    if answer.verdict is Reach.UNDECIDED:
+    if answer.balance and answer.verdict is Reach.UNDECIDED:
         out.print(balance_text(answer.balance), style="dim")

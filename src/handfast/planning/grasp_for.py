@@ -264,9 +264,9 @@ class _TaskSearch:
 
     def answer(self, stop: Stop) -> Grasps:
         """What is known so far."""
-        balance = self.balance.searched
-        none = balance.shown or (self.synthesis is not None and self.synthesis.verdict is Reach.NONE)
-        going_on = None if self.balance.over else self.balance.to_json()
+        balance = None if self.grasps else self.balance.searched
+        none = self.balance.shown or (self.synthesis is not None and self.synthesis.verdict is Reach.NONE)
+        going_on = None if self.grasps or self.balance.over else self.balance.to_json()
         seconds = self.spent + time.monotonic() - self.begin
         found = [self.remembered(f) for f in self.gathered.kept if f.answer]
         return Grasps(

@@ -117,7 +117,7 @@ class GraspFolder(SearchFolder[Grasps]):
         return load_search(self.source, question) if self.begun else None
 
     def write(self, state: Grasps) -> None:
-        if state.grasps or state.balance.proof:
+        if state.grasps or state.proof_of_none:
             self.written = [self.path / GRASPS]
             for k, g in enumerate(state.grasps, start=1):
                 grasp, configuration = (self.path / file.format(k) for file in GRASP_FILES)

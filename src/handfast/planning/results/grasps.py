@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -146,7 +146,7 @@ class Grasps(Presented):
         tally: what became of the certified random starts.
         evaluated: configurations that were looked at, steps included. starts, unproved: of the local search.
         synthesis: the answer behind NONE, or behind an UNDECIDED where no start was ever certified.
-        balance: how far the proof has come that no contact forces balance the loads.
+        balance: how far the proof has come that no contact forces balance the loads; None with a grasp.
         requirements: friction, actuators and limits, as asked.
         search: how far it has come, to go on from.
     """
@@ -165,7 +165,7 @@ class Grasps(Presented):
     starts: int
     unproved: int
     synthesis: Synthesis | None = field(default=None, repr=False)
-    balance: BalanceSearched = field(kw_only=True)
+    balance: BalanceSearched | None = field(kw_only=True)
     requirements: Requirements = field(kw_only=True, repr=False)
     search: SavedSearch = field(kw_only=True, repr=False)
 
@@ -179,6 +179,11 @@ class Grasps(Presented):
         return self.noted | {"loads": self.loads.by_name, "grasps": [g.to_json() for g in self.grasps]}
 
     @property
+    def proof_of_none(self) -> Mapping[str, Any] | None:
+        """That no contact forces balance the loads, for files; None where that is not shown."""
+        return self.balance.proof if self.balance else None
+
+    @property
     def noted(self) -> dict[str, Any]:
         """The account of the search: verdict, stop, cost, and what became of the starts."""
         return header(self, "grasp") | {
@@ -187,7 +192,7 @@ class Grasps(Presented):
             "unproved": self.unproved,
             "judged": self.evaluated,
             "fates": self.tally.to_json("holds", REASONS),
-            "balance": self.balance.to_json(),
+            "balance": self.balance.to_json() if self.balance else None,
         }
 
     @property
@@ -199,7 +204,7 @@ class Grasps(Presented):
         record |= {"count": self.count, "grasps": [g.noted for g in self.grasps]}
         saved = [g.saved for g in self.grasps]
         return SavedGrasps.of(
-            self.task, thing, self.loads, self.requirements, self.verdict, saved, record, self.balance.proof
+            self.task, thing, self.loads, self.requirements, self.verdict, saved, record, self.proof_of_none
         )
 
     def verify(self) -> Replay:
