@@ -11,9 +11,10 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.model.region import Bezier, Cap, Region
 from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.regions import RegionData, read_region
 from handfast.proofs.replay import Replay
-from handfast.proofs.unbalanced import Motions, Placements, down, replay_unbalanced
+from handfast.proofs.unbalanced import Motions, Placements, _positive, down, replay_unbalanced
 from handfast.readers.region_file import region_to_dict
 from tests.support.holds import square
 
@@ -301,6 +302,23 @@ def test_frames_and_units_do_not_matter(seed: int) -> None:
     there = Placements.of(data(*(moved(r, R, t, scale) for r in regions)), other[None], 0.3)
     assert (here == there.examined(boxes, those).refuted).mean() > 0.98  # but for rounding at the edge
     assert here.any()
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "positive", "its"),
+    [
+        ((-1, 2), (3, 4), (0, 2), (0, 4)),
+        ((-1, 2), (-4, -3), (0, 2), (-4, 0)),
+        ((1, 2), (3, 4), (1, 2), (3, 4)),
+        ((-2, -1), (3, 4), (0, 0), (0, 0)),
+    ],
+)
+def test_derivative_of_the_positive_part(value: Any, slope: Any, positive: Any, its: Any) -> None:
+    """Where the sign changes within a box, all that lies between the two derivatives."""
+    (low, high), (first, last) = (np.array([[x] for x in ends], dtype=float) for ends in (value, slope))
+    done = _positive(Dual(Interval.between(low, high), Interval.between(first[None], last[None])))
+    assert (done.value.lo.item(), done.value.hi.item()) == positive
+    assert (done.slope.lo.item(), done.slope.hi.item()) == its
 
 
 def test_figures_are_rounded_down() -> None:
