@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from handfast import (
+    InputError,
     Loads,
     Verdict,
     check,
+    check_many,
     load_body,
     load_grasp,
     max_many,
@@ -156,15 +158,12 @@ def test_a_centre_of_mass_that_no_file_knows_is_given_once(
 # --- several disturbances -------------------------------------------------------------------------------
 
 
-def test_several_wrenches_in_python_are_those_one_by_one() -> None:
+def test_several_wrenches_are_for_another_function() -> None:
     rows = [[0, 0.5, 0, 0, 0, 0], [0, 1.5, 0, 0, 0, 0], [0, 0, 0.9, 0, 0, 0]]
-    one_by_one = [check(pinch(), w).verdict for w in rows]
-    assert one_by_one == [Verdict.HOLDS, Verdict.SLIPS, Verdict.HOLDS]
-    assert [a.verdict for a in check(pinch(), rows)] == one_by_one
-    assert [a.verdict for a in check(pinch(), np.array(rows))] == one_by_one  # type: ignore[attr-defined]
-    assert [a.verdict for a in check(pinch(), [w[:3] for w in rows])] == one_by_one
-    assert [a.verdict for a in check(pinch(), Loads(("a", "b", "c"), np.array(rows)))] == one_by_one
-    assert check(pinch(), [0, 0.5, 0]).verdict is Verdict.HOLDS
+    assert [check(pinch(), w).verdict for w in rows] == [Verdict.HOLDS, Verdict.SLIPS, Verdict.HOLDS]
+    for several in (rows, np.array(rows), [w[:3] for w in rows], Loads(("a", "b", "c"), np.array(rows)), [[0], [0, 1]]):
+        with pytest.raises(InputError, match="wrench: is several loads; check_many takes them"):
+            check(pinch(), several)  # type: ignore[arg-type]
 
 
 def test_three_numbers_are_a_force_for_every_question(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -183,9 +182,9 @@ def test_three_numbers_are_a_force_for_every_question(tmp_path: Path, capsys: py
 
 
 @pytest.mark.parametrize("rows", [[[0, 1, 0], [0, 1]], [[0.0] * 6, ["x"] * 6]])
-def test_a_wrong_row_is_named(rows: list[list[float]]) -> None:
-    with pytest.raises(ValueError, match=r"wrench\[1\]"):
-        check(pinch(), rows)
+def test_rows_that_are_none_are_refused(rows: list[list[float]]) -> None:
+    with pytest.raises(InputError, match=r"wrenches: must be numbers, \(n, 6\)"):
+        check_many(pinch(), rows)
 
 
 def test_several_wrenches_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

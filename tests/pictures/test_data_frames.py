@@ -39,7 +39,7 @@ def test_an_answer_is_a_row(pandas: Any) -> None:
 
 
 def test_several_answers_are_rows_with_numbers_or_names(pandas: Any) -> None:
-    answers = check(pinch(), [[0, 0.5, 0], [0, 1.5, 0]])
+    answers = [check(pinch(), [0, force, 0]) for force in (0.5, 1.5)]
     assert to_frame(answers)[["answer", "verdict"]].values.tolist() == [[0, "holds"], [1, "slips"]]
     named = to_frame({"light": answers[0], "heavy": answers[1]})
     assert named.set_index("answer").verdict["heavy"] == "slips"

@@ -93,7 +93,7 @@ def test_the_largest_load_is_the_one_by_hand(laws: dict[str, Any], direction: li
     less, more = 0.99 * min(most, 5.0), 1.01 * most if np.isfinite(most) else 0.0
     loads = np.outer([less, more] if most else [0.5, 1.0], direction)
     expected = [Verdict.HOLDS, Verdict.SLIPS if most < np.inf else Verdict.HOLDS] if most else [Verdict.SLIPS] * 2
-    answers = check(grasp, loads)
+    answers = [check(grasp, w) for w in loads]
     if more or not most:
         assert [a.verdict for a in answers] == expected
         assert all(a.verify().ok for a in answers)

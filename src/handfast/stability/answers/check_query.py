@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import kinds_checked
+from handfast.core.errors import InputError, kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.stability.answers.answer import Answer, any_state
 from handfast.stability.answers.load_path import LoadPath, check_path, comes_after
@@ -48,90 +48,37 @@ class CheckAnswer(Answer):
         return Answer.to_file(self if self.margin is None else replace(self, margin=None))
 
 
-@overload
-def check(
-    grasp: Grasp,
-    wrench: Sequence[float] | Array,
-    *,
-    limits: GraspLimits = ...,
-    mdp: bool = ...,
-    loading: Loading = ...,
-    settings: Settings | None = ...,
-    on_progress: OnStep | None = ...,
-) -> CheckAnswer: ...
-@overload
-def check(
-    grasp: Grasp,
-    wrench: Loads | Sequence[Sequence[float]] | Sequence[Array],
-    *,
-    limits: GraspLimits = ...,
-    mdp: bool = ...,
-    loading: Loading = ...,
-    settings: Settings | None = ...,
-    on_progress: OnStep | None = ...,
-) -> list[CheckAnswer]: ...
 @kinds_checked
 def check(
     grasp: Grasp,
-    wrench: Any,
+    wrench: Sequence[float] | Array,
     *,
     limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
     loading: Loading = "together",
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
-) -> CheckAnswer | list[CheckAnswer]:
+) -> CheckAnswer:
     """Does the grasp resist a disturbance passively? Stability paper, section VII-A, (20)-(22).
 
     Args:
         grasp: with the preload in force; an actuator without a command is locked.
         wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin; three numbers are a
-            force. Several, (n, 6), (n, 3) or `Loads`, are asked about one by one: a list of n answers, in order.
+            force. Many are for `check_many`, or for `prepare(grasp).check`.
         limits: uncertainty of the contact normals, largest forces of actuators and at contacts.
         mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
             literature), for comparison only: it creates energy out of nothing.
         loading: "together" is the paper's question, commands and load at once; "preload-first" asks for a path on which
             the load grows after the commands alone are in balance: `CheckAnswer.path`, docs/load-path.md.
-        settings: precision, limits; of each question, if there are several.
+        settings: precision, limits.
         on_progress: called while it runs, with the bounds so far.
 
     Raises:
         InputError: see `handfast.stability.problem.scaled_problem.build`.
     """
-    asked: dict[str, Any] = {
-        "limits": limits,
-        "mdp": mdp,
-        "loading": loading,
-        "settings": settings or Settings(),
-        "on_progress": on_progress,
-    }
-    if isinstance(wrench, Loads):
-        return [_check(grasp, w, **asked) for w in wrench.wrenches]
-    if not is_table(wrench):
-        return _check(grasp, wrench, **asked)
-    each = [scaled_problem.as_wrench(w, f"wrench[{k}]") for k, w in enumerate(wrench)]  # all, before any is asked about
-    return [_check(grasp, w, **asked) for w in each]
-
-
-def is_table(wrench: Any) -> bool:
-    """Are there several wrenches?"""
-    try:
-        return isinstance(wrench, Loads) or np.ndim(wrench) > 1
-    except ValueError:  # rows of several lengths
-        return True
-
-
-def _check(
-    grasp: Grasp,
-    wrench: Sequence[float] | Array,
-    *,
-    limits: GraspLimits,
-    mdp: bool,
-    loading: Loading,
-    settings: Settings,
-    on_progress: OnStep | None,
-) -> CheckAnswer:
-    """The answer for one wrench."""
+    if is_table(wrench):
+        raise InputError("is several loads; check_many takes them, or prepare(grasp).check", field="wrench")
+    settings = settings or Settings()
     after = comes_after(loading, mdp)
     p = scaled_problem.build(grasp, wrench, limits=limits, mdp=mdp)
     if after:
@@ -144,6 +91,14 @@ def _check(
             return modest
         settings = time_left(settings, clock)
     return any_state(CheckAnswer, p, settings, on_progress)
+
+
+def is_table(wrench: Any) -> bool:
+    """Are there several wrenches?"""
+    try:
+        return isinstance(wrench, Loads) or np.ndim(wrench) > 1
+    except ValueError:  # rows of several lengths
+        return True
 
 
 def _of_path(path: LoadPath, seconds: float) -> CheckAnswer:

@@ -14,6 +14,8 @@ from handfast.model.grasp import Grasp
 if TYPE_CHECKING:
     from flint import fmpq
 
+    from handfast.stability.problem.model import State
+
 
 @dataclass(frozen=True, eq=False)
 class Sums:
@@ -54,32 +56,20 @@ def exact_contacts(grasp: Grasp) -> Iterator[tuple[list[fmpq], list[list[fmpq]],
         yield p, frame, speeds
 
 
-def exact_sums(
-    grasp: Grasp,
-    w: Array,
-    r: Array,
-    q: Array,
-    c: Array,
-    f: Array,
-    coupling: Array,
-    reaction: Array | None = None,
-    torsion: Array | None = None,
-) -> Sums:
-    """Rational; each sum is rounded once, at its end.
-
-    The state as `model.State` has it.
-    """
+def exact_sums(grasp: Grasp, w: Array, state: State) -> Sums:
+    """Rational; each sum is rounded once, at its end."""
     from flint import fmpq
 
     from handfast.proofs.fields import cross, rational, rounded
 
-    r_, q_, c_, f_, lambda_, load = ([rational(x) for x in v] for v in (r, q, c, f, coupling, w))
+    r_, q_, c_, f_, lambda_, load = (
+        [rational(x) for x in v] for v in (state.r, state.q, state.c, state.f, state.coupling, w)
+    )
     R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
     zero, l = fmpq(0), grasp.l
     balance, torques, d = list(load), [zero] * l, []
     twist: list[fmpq] = []
-    torsions = np.zeros(grasp.m) if torsion is None else torsion
-    turned = {int(i): rational(torsions[i]) for i in grasp.soft}
+    turned = {int(i): rational(state.torsion[i]) for i in grasp.soft}
     for i, (p, frame, speeds) in enumerate(exact_contacts(grasp)):
         point = [x + y for x, y in zip(r_[:3], cross(r_[3:], p), strict=True)]
         force = [sum((c_[3 * i + k] * frame[k][x] for k in range(3)), zero) for x in range(3)]
@@ -104,7 +94,7 @@ def exact_sums(
         for row, value in zip(rows, values, strict=True):
             torques = [x - a * value for x, a in zip(torques, row, strict=True)]
     if grasp.has_laws:
-        for own in (grasp.given_torques, np.zeros(l) if reaction is None else reaction):
+        for own in (grasp.given_torques, state.reaction):
             torques = [x - rational(y) for x, y in zip(torques, own, strict=True)]
     t = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in R]
     tied = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in A]

@@ -123,9 +123,9 @@ def linear_sums(grasp: Grasp, w: Array, state: State | StateRows, force: Any) ->
     if not np.any(exact):
         return sums
     if isinstance(x, State):
-        return exact_sums(grasp, w, x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+        return exact_sums(grasp, w, x)
     for i in np.flatnonzero(exact & np.isfinite(largest) & np.isfinite(w).all(axis=-1)):
-        one = exact_sums(grasp, w[i], x.r[i], x.q[i], x.c[i], x.f[i], x.coupling[i], x.reaction[i], x.torsion[i])
+        one = exact_sums(grasp, w[i], x.row(int(i)))
         for f in fields(Sums):
             getattr(sums, f.name)[i] = getattr(one, f.name)
     return sums
