@@ -17,7 +17,8 @@ import numpy as np
 
 from handfast.core.answer import Reach
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
+from handfast.core.errors import kinds_checked, refuse_other_kinds
+from handfast.core.files import refuse_existing
 from handfast.core.presented import Presented
 from handfast.geometry.guess_regions import regions_of
 from handfast.geometry.scene import Scene
@@ -164,8 +165,7 @@ class Proposals(Presented):
         """
         files = [Path(folder) / f"{p.task.name}.json" for p in self.proposals]
         for file in files:
-            if file.exists() and not force:
-                raise InputError("exists already; give --force to write over it", source=str(file))
+            refuse_existing(file, force=force)
         for file, proposal in zip(files, self.proposals, strict=True):
             save_task(proposal.task, file, force=force)
         return files

@@ -12,8 +12,7 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
-from handfast.core.files import write_text
+from handfast.core.files import refuse_existing, write_text
 from handfast.core.presented import Presented
 from handfast.core.transforms import matrix_quaternion
 from handfast.model.grasp import Grasp
@@ -178,8 +177,7 @@ class Settled(Presented):
         names += ["last.configuration.json", "last.grasp.json"] if self.moved_on else []
         files = [there / name for name in names]
         for file in files:
-            if file.exists() and not force:
-                raise InputError("exists already; give --force to write over it", source=str(file))
+            refuse_existing(file, force=force)
         write_text(files[0], json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n", force=force)
         save_grasp(self.first, files[1], force=force)
         if self.moved_on and self.last is not None and self.placed is not None:
