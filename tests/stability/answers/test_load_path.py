@@ -14,6 +14,8 @@ from handfast.core.errors import InputError
 from handfast.model.start import Start
 from handfast.proofs import path_steps
 from handfast.proofs.fields import BadFile
+from handfast.proofs.kinds import Row
+from handfast.proofs.rows import Columns, LeafRows, row_values
 from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import any_state
 from handfast.stability.answers.load_path import StepAnswer, start_after
@@ -262,6 +264,25 @@ def test_what_a_path_does_not_know_is_refused() -> None:
         Start(np.zeros(2), np.array([-1.0]), np.zeros(1))
     with pytest.raises(InputError, match=r"from\.gaps"):
         jaw().with_start(Start(np.zeros(3), np.zeros(1), np.zeros(1)))
+
+
+def test_rows_of_certificates_hold_at_the_states_of_a_step() -> None:
+    """Where nothing slides the balance of energy is an equality at its own reference; so are gaps of what presses."""
+    answer = check(jaw(), [-0.6, 0.6, 0], loading=FIRST)
+    step = answer.path.steps[-1]
+    q, x = step.question, step.witness.state
+    at, m = Columns.of(q), q.grasp.m
+    kinds = np.array([Row.ENERGY, *[Row.GAP_UP] * m, *[Row.GAP_DOWN] * m])
+    index = np.array([0, *range(m), *range(m)])
+    none, normal = np.zeros(len(kinds), dtype=np.int64), x.c[::3]
+    rows = LeafRows(kinds, index, none, none, none, np.append(normal, 0.0)[None])
+    value, right = row_values(q, None, rows)
+    point = np.zeros(value.shape[1])
+    for part, numbers in ((at.r, x.r), (at.q, x.q), (at.c, x.c), (at.f, x.f)):
+        point[part] = numbers
+    point[at.n : at.n + 3 * m] = q.grasp.rows[0][: 3 * m] @ np.concatenate([x.r, x.q])
+    assert value @ point == pytest.approx(right, abs=1e-8)
+    assert np.abs(q.grasp.gaps).min() > 0.1
 
 
 # --- the replay ---------------------------------------------------------------------------------------

@@ -166,6 +166,11 @@ def start_after(step: StepAnswer, w: Witness) -> Start:
 # --- following it ---------------------------------------------------------------------------------
 
 Pick = Callable[[StepAnswer], Witness | None]
+Known = tuple[float, State]  # a magnitude of the load, and a state that it has
+
+
+def _forces(x: State) -> tuple[Array, ...]:
+    return x.c, x.f, x.coupling, x.reaction, x.torsion
 
 
 def shown(step: StepAnswer) -> Witness | None:
@@ -185,7 +190,7 @@ class Follower:
     Attributes:
         whole: the scaled problem of the whole load, from rest; limits: of the question's time.
         made: (magnitude, bytes of the start) -> what was found: paths of other steps begin alike.
-        rest: the state that a step starts from, in which nothing has moved yet.
+        before: of each start the magnitude and the state before it, and the same of the one before that, None at first.
     """
 
     whole: ScaledProblem
@@ -193,7 +198,7 @@ class Follower:
     limits: SearchLimits
     on_progress: OnStep | None
     made: dict[tuple[float, bytes], StepAnswer] = field(default_factory=dict)
-    rest: dict[Start, State] = field(default_factory=dict)
+    before: dict[Start, tuple[Known, Known | None]] = field(default_factory=dict)
     nodes: int = 0
 
     def step(self, grasp: Grasp, magnitude: float, prove: bool = True) -> StepAnswer:
@@ -205,19 +210,31 @@ class Follower:
             p, left = self.whole, time_left(self.settings, self.limits)
             left = replace(left, nodes=max(self.settings.nodes - self.nodes, 1), verify=prove and left.verify)
             posed = scaled_problem.build(grasp, magnitude * p.wrench, limits=p.limits)
-            hints = {} if start is None else {"near": [(self.rest[start], 0.0)]}
+            hints = {} if start is None else {"near": [(x, 0.0) for x in self._guesses(start, magnitude)]}
             found = any_state(StepAnswer, posed, left, self.on_progress, **hints)
             found = found.settled(self.limits.end)
             self.made[key], self.nodes = found, self.nodes + found.nodes
         return self.made[key]
 
-    def after(self, step: StepAnswer, pick: Pick) -> Grasp | None:
-        """The grasp after a state of a step; None without one."""
+    def _guesses(self, start: Start, magnitude: float) -> list[State]:
+        """Where a step may lead: on as the step before it did, and nowhere; states that go on are found first."""
+        (m, x), earlier = self.before[start]
+        rest = State(0 * x.r, 0 * x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+        if earlier is None:
+            return [rest]
+        share = (magnitude - m) / (m - earlier[0])
+        y = earlier[1]
+        forces = ((a, b) for a, b in zip(_forces(x), _forces(y), strict=True))
+        return [State(share * x.r, share * x.q, *(a + share * (a - b) for a, b in forces)), rest]
+
+    def after(self, step: StepAnswer, magnitude: float, pick: Pick) -> Grasp | None:
+        """The grasp after a state of a step at a magnitude; None without one."""
         w = pick(step)
         if w is None:
             return None
-        start, x = start_after(step, w), w.state
-        self.rest[start] = State(0 * x.r, 0 * x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+        start, own = start_after(step, w), w.grasp.start
+        earlier = None if own is None else self.before[own][0]
+        self.before[start] = (magnitude, w.state), earlier
         return self.whole.grasp.with_start(start)
 
     def along(self, magnitudes: Array, pick: Pick = shown) -> LoadPath:
@@ -225,7 +242,7 @@ class Follower:
         steps, grasp = [], self.whole.grasp
         for m in magnitudes.tolist():
             steps.append(self.step(grasp, m))
-            after = self.after(steps[-1], pick) if steps[-1].verdict is Verdict.HOLDS else None
+            after = self.after(steps[-1], m, pick) if steps[-1].verdict is Verdict.HOLDS else None
             if after is None:
                 break
             grasp = after
@@ -235,7 +252,7 @@ class Follower:
         """The path in steps of a size at most, as far as it goes, or to the last magnitude; finer where it ends."""
         steps, magnitudes, gap = [self.step(self.whole.grasp, 0.0)], [0.0], self.settings.gap
         step, asked, least = size, False, gap * last / ENDLESS
-        grasp = self.after(steps[0], pick) if steps[0].verdict is Verdict.HOLDS else None
+        grasp = self.after(steps[0], 0.0, pick) if steps[0].verdict is Verdict.HOLDS else None
         while grasp is not None and magnitudes[-1] < last:
             here = magnitudes[-1]
             target = min(here + step, last)
@@ -249,7 +266,7 @@ class Follower:
                 continue
             steps.append(found if found.verdict is not Verdict.SLIPS else self.step(grasp, target))
             magnitudes.append(target)
-            grasp = self.after(found, pick) if found.verdict is Verdict.HOLDS else None
+            grasp = self.after(found, target, pick) if found.verdict is Verdict.HOLDS else None
             step, asked = (gap * target if asked else min(size, 2 * step)), False
         return self._path(steps, magnitudes)
 
@@ -321,7 +338,7 @@ def path_end(p: ScaledProblem, settings: Settings, on_progress: OnStep | None = 
     posed = BoundProblem(p, ANY_STATE)
     last = farthest(replace(posed.question, direction=p.wrench, wrench=np.zeros(6))) * (1 + AGREE)
     rest = follower.along(np.zeros(1))
-    grasp = follower.after(rest.steps[0], shown) if rest.held else None
+    grasp = follower.after(rest.steps[0], 0.0, shown) if rest.held else None
     if grasp is None:
         return replace(rest, nodes=follower.nodes)
     size = min(follower.one_step_end(grasp, 0.0, last) or last / ENDLESS, last)
