@@ -29,7 +29,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier
-from handfast.synthesis.search.boxes import Part
+from handfast.synthesis.search.boxes import SearchPart
 from handfast.synthesis.search.prover import Disproof, Prover
 from handfast.synthesis.search.starts import BLOCK, Starts
 from handfast.synthesis.task import Task
@@ -176,7 +176,7 @@ def plants(count: int) -> dict:
                 root = next(p.box for p in domain.roots if ((p.box[:, 0] <= y) & (y <= p.box[:, 1]))[domain.use].all())
                 lower = np.maximum(root[:, 0], y - size * rng.random(problem.n))
                 box = np.column_stack([lower, np.minimum(root[:, 1], y + size * rng.random(problem.n))])
-                left = getattr(domain.examine(Part(box, 1.0), budget=30), "children", ())
+                left = getattr(domain.examine(SearchPart(box, 1.0), budget=30), "children", ())
                 if not any(((p.box[use, 0] <= y[use]) & (y[use] <= p.box[use, 1])).all() for p in left):
                     lost += 1
         print(name, tried, lost, flush=True)

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handfast.model.cylinder_side import CylinderSide, Side
+from handfast.model.cylinder_side import CylinderSide, RoundSide
 from handfast.proofs.intervals import Interval
 from tests.support.contact_equations import contact_equations
 from tests.support.planted_proofs import (
@@ -68,7 +68,7 @@ def first(seed: int, on: str) -> tuple[PlantedProof, int]:
     """A case, and its first contact with the side of a cylinder or cone on the hand or on the object."""
     planted = case(seed)
     pairs = planted.task.contact_pairs
-    return planted, next(k for k, pair in enumerate(pairs) if isinstance(getattr(pair, on), Side))
+    return planted, next(k for k, pair in enumerate(pairs) if isinstance(getattr(pair, on), RoundSide))
 
 
 @pytest.mark.parametrize("on", ["hand", "object"])

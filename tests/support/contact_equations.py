@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.cylinder_side import Side
+from handfast.model.cylinder_side import RoundSide
 from handfast.model.hand import Hand
 from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.task import Task
@@ -83,7 +83,7 @@ def surface_at(region: Region, s: Array, t: Array) -> tuple[Array, Array, list[A
     """Point, outward unit normal and two tangents."""
     if isinstance(region, Bezier):
         return patch_at(region.points, region.sign, s, t)
-    if isinstance(region, Side):
+    if isinstance(region, RoundSide):
         return side_at(region, s, t)
     axis = _normalised(region.axis + 0 * s[:, None])
     e1 = region.frame[:, 0] + 0 * s[:, None]
@@ -95,7 +95,7 @@ def surface_at(region: Region, s: Array, t: Array) -> tuple[Array, Array, list[A
     return region.center + region.radius * direction, region.sign * direction, tangents
 
 
-def side_at(side: Side, s: Array, t: Array) -> tuple[Array, Array, list[Array]]:
+def side_at(side: RoundSide, s: Array, t: Array) -> tuple[Array, Array, list[Array]]:
     axis = _normalised(side.axis + 0 * s[:, None])
     e1 = side.x_axis + 0 * s[:, None]
     e1 = _normalised(e1 - _times(axis, (axis * e1).sum(axis=-1)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.cylinder_side import CylinderSide, Side
+from handfast.model.cylinder_side import CylinderSide, RoundSide
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap, Region
@@ -124,7 +124,7 @@ def moved(region: Region, T: Array) -> Region:
     R = T[:3, :3]
     if isinstance(region, Cap):
         return replace(region, center=R @ region.center + T[:3, 3], axis=R @ region.axis)
-    if isinstance(region, Side):
+    if isinstance(region, RoundSide):
         center = R @ region.center + T[:3, 3]
         return replace(region, center=center, axis=R @ region.axis, x_axis=R @ region.x_axis)
     return Bezier(region.points @ R.T + T[:3, 3], region.flip)

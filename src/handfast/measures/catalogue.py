@@ -57,7 +57,7 @@ class MeasureOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked(MeasureOptions):
+class MeasuredGrasp(MeasureOptions):
     """A grasp, the choices that its measures are made with, and what several measures share.
 
     Attributes:
@@ -150,7 +150,7 @@ class Measure:
     better: Literal["more", "less", ""]
     assumes: str
     source: str
-    value: Callable[[Asked], float | bool]
+    value: Callable[[MeasuredGrasp], float | bool]
 
 
 CATALOGUE: tuple[Measure, ...] = (

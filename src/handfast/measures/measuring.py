@@ -11,7 +11,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked, unknown_name
 from handfast.core.presented import Presented
 from handfast.core.schema import written
-from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure, MeasureOptions
+from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Measure, MeasuredGrasp, MeasureOptions
 from handfast.measures.chosen_forces import check_limits
 from handfast.measures.conic_program import NotMeasured
 from handfast.measures.energies import benchmark_scale
@@ -124,7 +124,7 @@ def measure(
     check_limits(grasp, given.torque_limits)
     usual = benchmark_scale(grasp)
     point, arm = scale.about if about is not None else usual.about, scale.length if length is not None else usual.length
-    asked = Asked(grasp, scale, WrenchScale(point, arm), **vars(given))
+    asked = MeasuredGrasp(grasp, scale, WrenchScale(point, arm), **vars(given))
     wanted = [m for m in CATALOGUE if (m.key in only if only is not None else passive or m.key != PASSIVE)]
     values = tuple(_measured(m, asked) for m in wanted)
     found = asked.__dict__  # what the measures have asked for is kept there
@@ -146,7 +146,7 @@ def measure_columns(grasp: Grasp, **options: Any) -> dict[str, float | bool | No
     return measure(grasp, **options).columns()
 
 
-def _measured(m: Measure, asked: Asked) -> MeasuredValue:
+def _measured(m: Measure, asked: MeasuredGrasp) -> MeasuredValue:
     try:
         value = m.value(asked)
     except NotMeasured as reason:
@@ -154,7 +154,7 @@ def _measured(m: Measure, asked: Asked) -> MeasuredValue:
     return MeasuredValue(m, value, _note(m, value, asked))
 
 
-def _note(m: Measure, value: float | bool, asked: Asked) -> str:
+def _note(m: Measure, value: float | bool, asked: MeasuredGrasp) -> str:
     """What is to be said beside a value."""
     if m.key == PASSIVE:
         lower, upper = asked.passive.worst

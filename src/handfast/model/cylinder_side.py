@@ -18,7 +18,7 @@ FARTHEST_TURN = 100.0  # [rad]
 FULL_TURN = 2 * np.pi * (1 + 1e-12)  # [rad] with room for a file's rounding
 
 
-class Side(Region):
+class RoundSide(Region):
     """Part of the side of a cylinder or a cone: what both have in common.
 
     The parameters u and v go from 0 to 1 over the angles and over the heights.
@@ -139,15 +139,15 @@ class Side(Region):
 
 
 @dataclass(frozen=True, eq=False)
-class CylinderSide(Side):
+class CylinderSide(RoundSide):
     """The points of a cylinder's side within ranges of the angle about its axis and of the height along it.
 
     Attributes:
-        center, axis, x_axis, angles, heights, flip: see `Side`.
+        center, axis, x_axis, angles, heights, flip: see `RoundSide`.
         radius: [m].
 
     Raises:
-        InputError: a radius that is not positive, and what `Side` refuses.
+        InputError: a radius that is not positive, and what `RoundSide` refuses.
     """
 
     kind, _radii = "cylinder_side", "radius"
@@ -166,15 +166,15 @@ class CylinderSide(Side):
 
 
 @dataclass(frozen=True, eq=False)
-class ConeSide(Side):
+class ConeSide(RoundSide):
     """The points of a cone's side, without its tip, within ranges of the angle about its axis and the height along it.
 
     Attributes:
-        center, axis, x_axis, angles, heights, flip: see `Side`.
+        center, axis, x_axis, angles, heights, flip: see `RoundSide`.
         radii: [m] at the lowest and at the highest height.
 
     Raises:
-        InputError: a radius that is not positive, and what `Side` refuses.
+        InputError: a radius that is not positive, and what `RoundSide` refuses.
     """
 
     kind, _radii = "cone_side", "radii"

@@ -79,7 +79,7 @@ def _solve(
     if order:
         model.setParam("randomization/permutevars", True)
         model.setParam("randomization/permutationseed", order)
-    model.includeEventhdlr(_Watch(pressed), "ctrl-c", "ends the solve when Ctrl-C was pressed")
+    model.includeEventhdlr(_InterruptHandler(pressed), "ctrl-c", "ends the solve when Ctrl-C was pressed")
     if timeout < INF:
         model.setParam("limits/time", timeout)
     xs = [
@@ -151,7 +151,7 @@ def _zero_unless(model: Model, x: Any, binaries: list[Any]) -> None:
     model.addConsIndicator(x <= 0, binvar=off)
 
 
-class _Watch(Eventhdlr):
+class _InterruptHandler(Eventhdlr):
     """Looks at every solved node whether Ctrl-C was pressed.
 
     SCIP can catch the signal itself, but forgets it where its LP solver fails, and prints about it.

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.cylinder_side import Side
+from handfast.model.cylinder_side import RoundSide
 from handfast.model.hand.coupling import driver_ranges, drivers
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Bezier, Cap
@@ -244,8 +244,8 @@ def _regions(task: Task, unit: float) -> Regions:
             case Cap():  # its frame row by row, its centre and radius
                 kind[which] = CAP
                 numbers[which, :13] = [*region.frame.ravel(), *(region.center / unit), region.radius / unit]
-            case Side():  # its frame, the lowest point of its axis and radius, first angle, turn, length and growth,
-                # what of its normal points away from the axis, and along it
+            case RoundSide():  # its frame, the lowest point of its axis and radius, first angle, turn, length and
+                # growth, what of its normal points away from the axis, and along it
                 kind[which], lowest = SIDE, region.center + region.heights[0] * region.axis
                 numbers[which, :13] = [*region.frame.ravel(), *(lowest / unit), region.radii[0] / unit]
                 numbers[which, 13:15] = region.angles[0], region.turn

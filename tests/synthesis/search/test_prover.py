@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from handfast.core.branch import BranchAndPrune, Discarded
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.search.boxes import Boxes, Part, PoseSpace
+from handfast.synthesis.search.boxes import Boxes, PoseSpace, SearchPart
 from handfast.synthesis.search.kernel.object_pose import turning
 from handfast.synthesis.search.prover import CELLS, LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
@@ -32,11 +32,11 @@ from tests.synthesis.search.test_synthesis_kernel import coordinates, everything
 TASKS = ("scalpel-handling", "teapot-service", "guitar-holding")
 
 
-def about(domain: Boxes, x: np.ndarray, size: float, rng: np.random.Generator) -> Part:
+def about(domain: Boxes, x: np.ndarray, size: float, rng: np.random.Generator) -> SearchPart:
     """A box around x, in the domain's coordinates, which lies anywhere in it."""
     root = next(p.box for p in domain.roots if ((p.box[:, 0] <= x) & (x <= p.box[:, 1]))[domain.use].all())
     lower = np.maximum(root[:, 0], x - size * rng.random(len(x)))
-    return Part(np.column_stack([lower, np.minimum(root[:, 1], x + size * rng.random(len(x)))]), 1.0)
+    return SearchPart(np.column_stack([lower, np.minimum(root[:, 1], x + size * rng.random(len(x)))]), 1.0)
 
 
 def kept(prover: Prover, x: np.ndarray, size: float, rng: np.random.Generator, budget: int) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 from handfast.core.branch import Discarded
 from handfast.model.region import Bezier
-from handfast.synthesis.search.boxes import Part
+from handfast.synthesis.search.boxes import SearchPart
 from handfast.synthesis.search.prover import Prover
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
@@ -47,7 +47,7 @@ def test_rows_that_make_a_box_small_at_once_may_discard_what_they_left(problem: 
     ends = np.array([PARTS.get(label, (0.0, 1.0)) for label in problem.labels])
     box = lower[:, None] + (upper - lower)[:, None] * ends
     domain, small = Prover(problem, workers=1).domains["1-2"], []
-    parts = [Part(box, 1.0)]
+    parts = [SearchPart(box, 1.0)]
     for _ in range(100):
         left = getattr(domain.examine(parts.pop()), "children", ())
         small += [part for part in left if part.small]
@@ -55,4 +55,4 @@ def test_rows_that_make_a_box_small_at_once_may_discard_what_they_left(problem: 
         if not parts:
             break
     assert not parts
-    assert not any(isinstance(domain.examine(Part(part.box, 1.0)), Discarded) for part in small)
+    assert not any(isinstance(domain.examine(SearchPart(part.box, 1.0)), Discarded) for part in small)

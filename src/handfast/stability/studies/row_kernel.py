@@ -25,7 +25,7 @@ from handfast.stability.problem.witness import VALID
 from handfast.stability.search.load_rows import BatchSearch, FoundRows, LoadMemory, LoadRows, Template
 
 
-class Settled(NamedTuple):
+class SettledRows(NamedTuple):
     """What the kernel showed of some rows.
 
     Attributes:
@@ -72,7 +72,7 @@ class RowKernel:
         held = judge.residuals(grasp, w[None], states, eta=self.limits.eta).worst[0] <= VALID
         return (states.row(0), nodes) if held else None
 
-    def ask(self, grasp: Grasp, goal: Objective, W: Array, B: Array, settings: Settings) -> Settled | None:
+    def ask(self, grasp: Grasp, goal: Objective, W: Array, B: Array, settings: Settings) -> SettledRows | None:
         """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so."""
         if not len(W):
             return None
@@ -111,7 +111,7 @@ class RowKernel:
 
     def _checks(
         self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
-    ) -> Settled:
+    ) -> SettledRows:
         """Columns of these checks, and which rows are settled: what slips is replayed, unless that is switched off.
 
         Where the limit of nodes was reached, a whole search would reach it as well.
@@ -128,11 +128,11 @@ class RowKernel:
             "nodes": found.nodes,
             "stop": np.where(limited, str(Stop.NODES), str(Stop.COMPLETE)),
         }
-        return Settled(columns, held | slips | limited, found.states)
+        return SettledRows(columns, held | slips | limited, found.states)
 
     def _maxima(
         self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
-    ) -> Settled:
+    ) -> SettledRows:
         """Columns of these maxima, and which rows are settled: those where a magnitude was found."""
         scale, states = loads.direction_scale, found.states
         with np.errstate(all="ignore"):
@@ -148,9 +148,9 @@ class RowKernel:
         verdict = np.full(len(W), str(Verdict.HOLDS))
         upper = np.where(unbounded | found.at_end, np.inf, upper)
         columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded, "residual": residual}
-        return Settled(columns | {"verified": unbounded, "nodes": found.nodes}, good, states)
+        return SettledRows(columns | {"verified": unbounded, "nodes": found.nodes}, good, states)
 
-    def _slipping(self, out: Settled, none: Indices, grasp: Grasp, W: Array, B: Array, settings: Settings) -> None:
+    def _slipping(self, out: SettledRows, none: Indices, grasp: Grasp, W: Array, B: Array, settings: Settings) -> None:
         """Settle those of the rows without a state (none) that have none either at any magnitude, however small.
 
         A search ends at commands that are some ten thousand times as large as the load, and some smaller loads may

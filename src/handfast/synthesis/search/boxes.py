@@ -34,7 +34,7 @@ KEPT = 256  # small boxes of one call, where they are wanted
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class SearchPart:
     """A box of one search.
 
     Attributes:
@@ -72,7 +72,7 @@ class Boxes:
     use: Indices
     concern: Indices
     words: str
-    roots: tuple[Part, ...]
+    roots: tuple[SearchPart, ...]
     kept: int = 1  # which shows that this search cannot become empty
 
     def explore(self, waiting: Indices, budget: int) -> None:
@@ -83,7 +83,7 @@ class Boxes:
         """(n,) the problem's coordinates in those of the boxes."""
         return x
 
-    def examine(self, part: Part, budget: int = STEP) -> Outcome[Part]:
+    def examine(self, part: SearchPart, budget: int = STEP) -> Outcome[SearchPart]:
         """One call of the kernel on a box: up to `budget` nodes depth first."""
         if part.small:
             return Unfinished(part, 0)
@@ -94,21 +94,21 @@ class Boxes:
         count, found, nodes = (int(boxes.counts[place]) for place in (LEFT, SMALL, NODES))
         if count == found == 0:
             return Discarded(nodes=nodes)
-        left = [Part(boxes.box[i].copy(), float(boxes.share[i])) for i in reversed(range(count))]
-        small = [Part(boxes.small[i].copy(), float(boxes.small_share[i]), True) for i in range(found)]
+        left = [SearchPart(boxes.box[i].copy(), float(boxes.share[i])) for i in reversed(range(count))]
+        small = [SearchPart(boxes.small[i].copy(), float(boxes.small_share[i]), True) for i in range(found)]
         return Split([*small, *left], nodes=nodes)
 
-    def share(self, part: Part) -> float:
+    def share(self, part: SearchPart) -> float:
         return part.share
 
-    def encode(self, part: Part) -> Any:
+    def encode(self, part: SearchPart) -> Any:
         return {"box": part.box.tolist(), "share": part.share, "small": part.small}
 
-    def decode(self, data: Any) -> Part:
+    def decode(self, data: Any) -> SearchPart:
         entry = validate(PartEntry, data)
         if len(entry.box) != self.problem.n:
             raise InputError(f"has {len(entry.box)} intervals, needs {self.problem.n}", field="box")
-        return Part(np.array(entry.box), entry.share, entry.small)
+        return SearchPart(np.array(entry.box), entry.share, entry.small)
 
 
 class ContactSet(Boxes):
@@ -127,7 +127,7 @@ class ContactSet(Boxes):
         self.question = SetQuestion(np.array(subset, dtype=np.intp), self.use, derivative_bounds, cones)
         self._task, self._asked = [table(group) for group in problem.flat], table(self.question)
         self._work = set_work(problem.flat, self.question)
-        self.roots = (Part(np.column_stack([coordinates.lower, coordinates.upper]), 1.0),)
+        self.roots = (SearchPart(np.column_stack([coordinates.lower, coordinates.upper]), 1.0),)
         *most, last = [str(k) if k < b else "the object's position" for k in subset]
         many = "s" * (len(subset) > 2 or b not in subset)
         self.words = f"contact{many} {', '.join(most)} and {last}" if most else f"contact {last}"
@@ -171,7 +171,7 @@ class PoseSpace(Boxes):
         far = float(np.linalg.norm(self.middle)) * (1 + 1e-9)
         box[at : at + 3] += [-far, far]
         box[at + 3 : at + POSE] = [-1.0, 1.0]
-        self.roots = tuple(Part(_with_one(box, at + 3 + chart), 0.25) for chart in range(4))
+        self.roots = tuple(SearchPart(_with_one(box, at + 3 + chart), 0.25) for chart in range(4))
 
     def coordinates(self, x: Array) -> Array:
         from scipy.spatial.transform import Rotation

@@ -24,7 +24,7 @@ from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.synthesis.search.boxes import KEPT, Boxes, ContactSet, Part, PoseSpace
+from handfast.synthesis.search.boxes import KEPT, Boxes, ContactSet, PoseSpace, SearchPart
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
@@ -95,7 +95,7 @@ class Prover:
         self.whole = next(reversed(self.domains))
         if b >= FROM:
             self.domains[POSES] = PoseSpace(problem, rates)
-        self.searches: dict[str, BranchAndPrune[Part]] = {
+        self.searches: dict[str, BranchAndPrune[SearchPart]] = {
             name: BranchAndPrune(d, d.roots, workers=workers) for name, d in self.domains.items()
         }
         self._ready: set[type[Boxes]] = set()
