@@ -4,9 +4,9 @@
 
 - *two*: the bundled tasks of two contacts under weights from six sides: boxes, processor time of search and replay, the
   least distance of the centre of mass from the line through both contacts, proved and met.
-- *edges*: tasks made impossible by less and less: bundled tasks of three and four contacts with little friction, those
-  of two with the centre of mass near the line, three contacts on a wedge. Bisection between what is shown to be
-  impossible with `--boxes` boxes, and a placement at which forces balance all loads.
+- *edges*: tasks made impossible by less and less: bundled tasks of three and four contacts with little friction or
+  weak contacts, those of two with the centre of mass near the line, three contacts on a wedge. Bisection between what
+  is shown to be impossible with `--boxes` boxes, and a placement at which forces balance all loads.
 - *held*: tasks cut around contacts that hold: flat and curved regions of 2 mm about contacts of bundled grasps and of
   random ones, loads that forces in the friction cones balance, some on the edge of a cone, half of them with a limit
   of normal forces that one of them reaches. None may be refuted, and no box about the contacts.
@@ -123,20 +123,34 @@ def edge(name: str, make: Callable[[float], NoBalance], ends: tuple[float, float
 def edges(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """Tasks by what makes them impossible."""
     for name in MORE if options.only in (None, "friction") else ():
-        yield edge(f"{name}: friction", by_friction(name, "all", options), (0.0, 1.5))
-        yield edge(f"{name}: friction, weight along -y", by_friction(name, "-y", options), (0.0, 1.5))
+        yield edge(f"{name}: friction", by_friction(name, options), (0.0, 1.5))
+    for name in MORE if options.only in (None, "limit") else ():
+        yield edge(f"{name}: force limit over the weight, log2", by_limit(name, options), (-4.0, 8.0))
     for name in TWO if options.only in (None, "center") else ():
         yield edge(f"{name}: way of the centre of mass to the line", by_center(name, options), (0.0, 1.0))
     for friction in (0.1, 0.2, 0.5, 1.0, 2.0) if options.only in (None, "wedge") else ():
         yield edge(f"three contacts on a wedge [deg], friction {friction:g}", by_angle(friction, options), (85.0, 0.0))
 
 
-def by_friction(name: str, along: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
-    """Of a bundled task under the object's weight."""
+def by_friction(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
+    """Of a bundled task under the object's weight from six sides."""
     task = load_task(name)
-    body = load_body(str(task.object))
-    loads = Loads.gravity(body, "all" if along == "all" else [along])
+    loads = Loads.gravity(load_body(str(task.object)))
     return lambda friction: searched(task, loads, friction, options.boxes)
+
+
+def by_limit(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
+    """The same with a friction of 0.5, by the largest normal force at a contact: a power of 2 times the weight."""
+    task = load_task(name)
+    loads = Loads.gravity(load_body(str(task.object)))
+    weight = float(np.linalg.norm(loads.wrenches[0, :3]))
+
+    def at(power: float) -> NoBalance:
+        search = NoBalance(task, loads, 0.5, center=np.zeros(3), force_limit=2.0**power * weight)
+        search.run(options.boxes)
+        return search
+
+    return at
 
 
 def by_center(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
@@ -281,7 +295,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=("two", "edges", "held"))
     parser.add_argument("--boxes", type=int, default=400)
-    parser.add_argument("--only", choices=("friction", "center", "wedge"), help="of the edges")
+    parser.add_argument("--only", choices=("friction", "limit", "center", "wedge"), help="of the edges")
     parser.add_argument("--tasks", type=int, default=2000)
     parser.add_argument("--held-boxes", type=int, default=64)
     parser.add_argument("--print", action="store_true", dest="only_print")

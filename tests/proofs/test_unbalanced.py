@@ -154,6 +154,14 @@ def test_limited_forces_carry_no_more_than_their_friction(weighs: float, shown: 
     assert not replayed(jaws(), loads, of_twist(0, 0, 1, 0, 0, 0), limit=1.0).ok
 
 
+def test_limited_forces_are_too_weak_wherever_they_point() -> None:
+    """Around a whole ball the normal may be any: a force of 0.4 N and its friction, mu = 0.5, is at most 0.45 N."""
+    ball = data(Cap((0, 0, 0), 0.02, (0, 0, -1), np.pi))
+    for weighs, shown in ((0.46, True), (0.44, False)):
+        done = replayed(ball, {"w": weight([0, 0, 0], weighs * DOWN)}, of_twist(0, 0, -1, 0, 0, 0), limit=0.4)
+        assert done.ok == shown
+
+
 def test_limited_forces_have_no_moment_about_their_line_either() -> None:
     for limit in (1e-3, 1.0, 1e9):
         assert replayed(jaws(), {"w": weight(FAR)}, of_line(1, 0), limit=limit).ok
@@ -311,12 +319,14 @@ def test_frames_and_units_do_not_matter(seed: int) -> None:
         ((-1, 2), (-4, -3), (0, 2), (-4, 0)),
         ((1, 2), (3, 4), (1, 2), (3, 4)),
         ((-2, -1), (3, 4), (0, 0), (0, 0)),
+        ((-2, 9), (3, 4), (0, 2.5), (0, 4)),
+        ((np.nan, np.nan), (3, 4), (0, 2.5), (0, 4)),
     ],
 )
 def test_derivative_of_the_positive_part(value: Any, slope: Any, positive: Any, its: Any) -> None:
     """Where the sign changes within a box, all that lies between the two derivatives."""
     (low, high), (first, last) = (np.array([[x] for x in ends], dtype=float) for ends in (value, slope))
-    done = _positive(Dual(Interval.between(low, high), Interval.between(first[None], last[None])))
+    done = _positive(Dual(Interval.between(low, high), Interval.between(first[None], last[None])), np.array([2.5]))
     assert (done.value.lo.item(), done.value.hi.item()) == positive
     assert (done.slope.lo.item(), done.slope.hi.item()) == its
 

@@ -167,7 +167,8 @@ class Placements:
         if np.isfinite(self.force_limit):
             slip = sqrt(sqr(u + pushed[..., None] * normal).sum())
             moved = [k for k in range(self.count) if k not in line]  # the others rest
-            resisted = _positive(slip * self.friction - pushed)[..., moved].sum() * self.force_limit
+            most = sqrt(sqr(u.value).sum()).hi * (np.hypot(1.0, self.friction) * MORE)  # whatever the normal is
+            resisted = _positive(slip * self.friction - pushed, most)[..., moved].sum() * self.force_limit
             return (work - resisted)[..., None], missed
         cones = pushed - sqrt(sqr(u).sum()) * self.sine
         return join([work[..., None], cones], -1), missed
@@ -333,12 +334,12 @@ class UnbalancedTree:
         return len(closed) - len(which)
 
 
-def _positive(x: Dual) -> Dual:
-    """The larger of 0 and x, with its generalised derivative."""
-    low, high = x.value.lo, x.value.hi
+def _positive(x: Dual, most: Array) -> Dual:
+    """The larger of 0 and x, which is at most `most`, with its generalised derivative."""
+    low, high = x.value.lo, np.fmin(x.value.hi, most)
     slope = Interval.between(np.minimum(x.slope.lo, 0.0), np.maximum(x.slope.hi, 0.0))
     ends = np.where((high <= 0)[..., None], 0.0, np.where((low >= 0)[..., None], x.slope.ends, slope.ends))
-    return Dual(Interval.between(np.maximum(low, 0.0), np.maximum(high, 0.0)), Interval(ends))
+    return Dual(Interval.between(np.fmax(low, 0.0), np.maximum(high, 0.0)), Interval(ends))
 
 
 def _batches(its: Integers) -> Iterator[Integers]:
