@@ -319,6 +319,10 @@ def test_a_chain_with_a_fault_is_refused() -> None:
     def slack(data: Any) -> None:
         data["steps"][1]["from"]["stops"] = [1.0]
 
+    def begun(data: Any) -> None:
+        data["steps"][0]["from"] = data["steps"][1]["from"]
+
+    assert "not of the commands alone, from rest" in forged(begun)
     assert "its gaps are not those" in forged(gap)
     assert "its gaps are not those" in forged(skipped)
     assert "does not say where it starts" in forged(rest)
