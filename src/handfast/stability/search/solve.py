@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from handfast.core.answer import SearchLimits, Stop
 from handfast.model.grasp import Grasp
@@ -11,9 +11,7 @@ from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
-
-if TYPE_CHECKING:
-    from handfast.stability.search.proof import Outcome
+from handfast.stability.search.proof import Outcome
 
 ANY = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
 MANY = 4096  # nodes at most
@@ -60,7 +58,10 @@ def without_end(
     settings = time_left(settings, limits)
     if goal.maximised:  # any of them would do
         settings = replace(settings, gap=ANY, nodes=min(settings.nodes, MANY + 2 * found.nodes))
-    beyond = solve(p, goal, settings, on_progress, endless=True)
+    if limits.late:
+        beyond = Outcome(INF, -INF, None, Stop.TIME, 0.0, 0)
+    else:
+        beyond = solve(p, goal, settings, on_progress, endless=True)
     if beyond.witness is not None or beyond.bound == INF:
         stop = Stop.COMPLETE if goal.maximised else beyond.stop
         return replace(beyond.after(found), stop=stop)
@@ -74,7 +75,9 @@ def without_end(
 def held_under(
     grasp: Grasp, p: ScaledProblem, settings: Settings, found: Outcome, limits: SearchLimits
 ) -> Outcome | None:
-    """`found` with the witness of a check under the commands of this grasp; None if it is not resisted."""
+    """`found` with the witness of a check under the commands of this grasp; None if it is not resisted, or too late."""
+    if limits.late:
+        return None
     settings = replace(time_left(settings, limits), verify=False)
     there = solve(scaled_problem.build(grasp, p.wrench, limits=p.limits, mdp=p.mdp), ANY_STATE, settings, None)
     return replace(found.after(there), witness=there.witness) if there.witness is not None else None
