@@ -154,6 +154,19 @@ def test_friction_of_a_joint_opposes_what_moves_from_there() -> None:
     assert slips.verify().ok
 
 
+def test_a_joint_that_left_its_stop_rubs_both_ways() -> None:
+    """The same jaw at its lower stop: friction carries 0.3 of 1.3; of 5 stop and friction carry 4."""
+    grasp = padded(MOTOR, friction=0.4, stop="lower")
+    for load, reaction in ((1.3, 0.3), (5.0, 4.0)):
+        answer = check(grasp, [-load, 0, 0], loading=FIRST)
+        assert answer.verdict is Verdict.HOLDS
+        assert answer.verify().ok
+        assert answer.witness.state.reaction == pytest.approx([reaction], abs=1e-9)
+    slips = check(grasp, [-1, 3, 0], loading=FIRST)  # across, beyond what both sides rub with
+    assert slips.verdict is Verdict.SLIPS
+    assert slips.verify().ok
+
+
 def test_a_slack_tendon_pulls_from_where_it_was() -> None:
     """A tendon without command: it goes slack as a motor closes the jaw, and pulls where it is pushed back as far."""
     both = Mechanism(("motor", "tendon"), np.array([[1.0], [1.0]]), np.zeros((0, 1)), (False, True), (True, False))
