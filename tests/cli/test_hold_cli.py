@@ -175,6 +175,8 @@ def test_an_open_row_makes_it_open(grasp: str, capsys: pytest.CaptureFixture[str
         (["folder", *UP, "--save", "grasp.json"], ["grasp.json", "is a file; a folder is needed"]),
         (["folder", *UP, "--save", "folder"], ["folder", "is not empty", "--force"]),
         (["folder", *UP, "--jobs", "-1"], ["--jobs", "is -1; 0 or more"]),
+        (["folder", *UP, "--jobs", "2", "--scheduler", "tcp://a:1"], ["--jobs: is of this machine; a --scheduler has"]),
+        (["fig1", *UP, "--scheduler", "tcp://a:1"], ["--scheduler: is for a folder of grasps; one is asked about"]),
         (["grasp.json", *UP, "--timeout", "0"], ["--timeout", "is 0 s; a positive number is needed"]),
         (["grasp.json", *UP, "--timeout", "nan"], ["--timeout", "a positive number is needed"]),
         (["grasp.json", *UP, "--command-limit", "-1"], ["--command-limit", "is -1; 0 or more is needed"]),

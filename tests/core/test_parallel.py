@@ -212,6 +212,10 @@ def test_dask_does_the_same() -> None:
     ):
         assert workers.count == 1
         assert dict(workers.run(product, range(5))) == {k: 3 * k for k in range(5)}
+        assert list(workers.map(product, range(7))) == [3 * k for k in range(7)]
+        assert list(workers.map(product, range(7), until=0.0)) == []
+        with pytest.raises(InputError, match="item 0 is odd"):
+            list(workers.map(odd, [0]))
         with pytest.raises(InputError, match="item 0 is odd"):
             list(workers.run(odd, [0]))
 

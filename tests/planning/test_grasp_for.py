@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pickle
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +37,7 @@ from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
 from handfast.planning.evaluation.local_search import LocalSearch
 from handfast.planning.evaluation.steps import Gradients, Steps
 from handfast.planning.filters.non_contacting import NonContactingFingers
-from handfast.planning.question import Allowed
+from handfast.planning.question import Allowed, Requirements
 from handfast.planning.ranking import BETTER, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.search import Journal
@@ -159,6 +161,19 @@ def test_an_interruption_of_a_query_ends_the_search(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(preload_search, "hold", lambda *_, **__: stopped)
     answer = grasp_for(load_task(NAME), loads=ONE, count=50, jobs=1)
     assert (answer.stop, answer.grasps, answer.tally.total) == (Stop.INTERRUPTED, (), 0)
+
+
+def test_units_can_be_sent_to_another_machine() -> None:
+    """Machine code and clock are those of the machine; what a unit finds is the same."""
+    task = load_task(NAME)
+    scene = Scene(task.hand, load_body(task.object or ""))
+    evaluator = Evaluator(TaskProblem.of(task), Collisions(scene, cutoff=NEAR), ONE, 0.5, Allowed())
+    work = LocalSearch(evaluator, 0, Requirements(friction=0.5, actuators=tuple(task.hand.closing_actuators)))
+    work.end = time.monotonic() + 50
+    sent = pickle.loads(pickle.dumps(work))
+    assert 40 < sent.end - time.monotonic() <= 50
+    one, other = (w.starts.run(4) for w in (work, sent))
+    assert [c.x.tolist() for c in one] == [c.x.tolist() for c in other]
 
 
 def test_what_cannot_balance_is_never_returned() -> None:

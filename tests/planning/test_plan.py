@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pickle
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -119,6 +121,17 @@ def test_an_object_that_is_too_large_is_not_grasped() -> None:
     assert found.verdict is Verdict.UNDECIDED
     assert found.stop is Stop.NODES
     assert found.tried == 4
+
+
+def test_attempts_can_be_sent_to_another_machine(planned: Plan) -> None:
+    """The same attempts there; the time that is left, not the reading of a clock."""
+    runner = Runner(planned.asked, time.monotonic() + 50)
+    sent = pickle.loads(pickle.dumps(runner))
+    assert 40 < sent.until - time.monotonic() <= 50
+    number = planned.grasps[0].index
+    (one,), (other,) = runner.run(number).found, sent.run(number).found
+    assert (one.q == other.q).all()
+    assert one.grasp.preload == other.grasp.preload
 
 
 def test_time_ends_the_search() -> None:

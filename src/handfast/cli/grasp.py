@@ -59,6 +59,7 @@ class FindGrasps(SearchFlags, JointLawOptions, Command):
         name = self.object or task.object
         if name is None:
             raise InputError("names no object; give --object, its shape is needed", source=self.task)
+        workers = self.workers()
         GraspFolder.refuse(self.output, resume=self.resume, force=self.force)
         about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
         body = load_object(name, scale=1.0, **about)
@@ -70,7 +71,7 @@ class FindGrasps(SearchFlags, JointLawOptions, Command):
 
             folder = GraspFolder(self.output, resume=self.resume, on_progress=note) if self.output else None
             journal = folder or Journal(note)
-            answer = grasp_for(task, body, self.asked(body), options=options, jobs=self.jobs, journal=journal)
+            answer = grasp_for(task, body, self.asked(body), options=options, journal=journal, **workers)
         written = folder.written if folder else []
         if self.report and answer.grasps:
             from handfast.pictures.found_page import report_grasp

@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.load_options import Disturbances
-from handfast.cli.options import QueryOptions, Saved, check_folder
+from handfast.cli.options import QueryOptions, Saved, WorkOptions, check_folder
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ TOGETHER = (".jsonl", ".ndjson")  # files of many grasps
 
 
 @dataclass(kw_only=True)
-class Hold(Disturbances, QueryOptions, Saved):
+class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
     """Is there one preload under which every load is resisted, each on its own, and how small can it be?
 
     GRASP may be a folder of grasp files, such as `import` writes, or JSON lines: a line each is said of its grasps.
@@ -50,8 +50,6 @@ class Hold(Disturbances, QueryOptions, Saved):
     """seconds for everything that is asked about a grasp; by default any"""
     question_timeout: Annotated[float, arg(metavar="S")] = float("inf")
     """seconds for a single query"""
-    jobs: Annotated[int, arg(metavar="N")] = 0
-    """processes, for a folder; 0 for one a core"""
 
     def settings(self) -> Settings:
         return replace(super().settings(), timeout=self.question_timeout)
@@ -61,14 +59,15 @@ class Hold(Disturbances, QueryOptions, Saved):
             raise InputError(f"is {self.timeout:g} s; a positive number is needed", field="--timeout")
         if self.command_limit is not None and not self.command_limit >= 0:
             raise InputError(f"is {self.command_limit:g}; 0 or more is needed", field="--command-limit")
-        if self.jobs < 0:
-            raise InputError(f"is {self.jobs}; 0 or more is needed", field="--jobs")
+        self.workers()
         where = Path(self.grasp)
         return self._all(where) if where.is_dir() or where.suffix.lower() in TOGETHER else self._one()
 
     def _one(self) -> int:
         from handfast.cli import hold_tables
 
+        if self.scheduler:
+            raise InputError("is for a folder of grasps; one is asked about", field="--scheduler")
         grasp, options = self.load(), self.options()
         with console.watch("hold") as watch:
             answer = self._asked(grasp, self.grasp, options | {"on_progress": watch.say})
@@ -127,7 +126,7 @@ class Hold(Disturbances, QueryOptions, Saved):
 
     def _all(self, where: Path) -> int:
         from handfast.cli import hold_tables
-        from handfast.core.parallel import WorkerPool, default_jobs
+        from handfast.core.parallel import default_jobs, workers_of
         from handfast.datasets.open_dataset import open_dataset
 
         if self.report:
@@ -139,7 +138,7 @@ class Hold(Disturbances, QueryOptions, Saved):
         dataset, rows = open_dataset(where), list[hold_tables.HeldGrasp]()
         items = (dataset.row(k, item) for k, item in enumerate(dataset.items()))
         jobs = min(self.jobs or default_jobs(), dataset.count)
-        with console.watch("hold") as watch, WorkerPool(self, jobs) as pool:
+        with console.watch("hold") as watch, workers_of(self, jobs, self.scheduler) as pool:
             try:
                 for row in pool.map(_held, items):
                     rows.append(row)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command
+from handfast.cli.options import Command, WorkOptions
 from handfast.cli.scene_options import JointLawOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
@@ -24,7 +24,7 @@ TABLES = (".csv", ".jsonl", ".parquet")
 
 
 @dataclass(kw_only=True)
-class ImportGrasps(JointLawOptions, Command):
+class ImportGrasps(JointLawOptions, WorkOptions, Command):
     """Published grasps as configurations and grasp files: DexGraspNet, BODex, DexGraspBench, Dexonomy, GraspQP, \
 MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
 
@@ -66,15 +66,12 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     """of servos that pull towards the files' squeeze [N m/rad or N/m]: their forces become the preload"""
     count: Annotated[int | None, arg(metavar="N")] = None
     """the first N grasps only"""
-    jobs: Annotated[int, arg(metavar="N")] = 0
-    """processes; 0 for one a core"""
     json: bool = False
     """print one JSON object instead of a table"""
     force: bool = False
     """write over files that exist"""
 
     def run(self) -> int:
-        from handfast.core.parallel import default_jobs
         from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
         from handfast.datasets.published.importing import Importer, Treatment, imported
         from handfast.datasets.published.published_file import published_files, sources
@@ -87,6 +84,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         if not self.hand:
             raise InputError("missing: --hand HAND, the model of the hand that the grasps are of", source="import")
         self._check()
+        workers = self.workers()
         refuse_target(self.output, self.force)
         hand = self.lawful(load_hand(self.hand))
         found = list(sources(published_files(self.files), self.layout, self.count))
@@ -108,7 +106,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         )
         rows: list[ImportedGrasp] = []
         with console.watch("import") as watch:
-            for row in imported(importer, found, self.jobs or default_jobs()):
+            for row in imported(importer, found, **workers):
                 rows.append(row)
                 watch.item(len(rows), len(found))
         about: dict[str, Any] = {"hand": self.hand, "mapping": name, "mass": self.mass}
@@ -128,7 +126,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
 
         for field, value in (
             *(("--threshold", self.threshold), ("--scale", self.scale), ("--gain", self.gain)),
-            *(("--mass", self.mass), ("--count", self.count), ("--jobs", self.jobs or None)),
+            *(("--mass", self.mass), ("--count", self.count)),
         ):
             if value is not None and not 0 < value <= LARGEST:
                 raise InputError(f"is {value:g}; a number above 0, at most {LARGEST:g}, is needed", field=field)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
-from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, assigned
+from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, WorkOptions, assigned
 from handfast.cli.scene_options import JointLawOptions
 from handfast.core.errors import InputError
 
@@ -34,7 +34,7 @@ LOG = 60.0  # [s] between lines of progress at most, where there is no terminal
 
 
 @dataclass(kw_only=True)
-class Label(JointLawOptions, Command):
+class Label(JointLawOptions, WorkOptions, Command):
     """Labels for every grasp of a dataset: what it holds, by how much, with which commands.
 
     DATASET is a folder or JSON lines of grasp files, or a table (.npz, .parquet) of joint values and object poses of a
@@ -76,10 +76,6 @@ class Label(JointLawOptions, Command):
     """seconds for all questions about a grasp: a fuse; nodes decide where a question stays open"""
     replay: bool = False
     """replay every proof with the independent checker, too: more than ten times as long"""
-    jobs: Annotated[int, arg(metavar="N")] = 0
-    """processes; 0 for one a core"""
-    scheduler: Annotated[str, arg(metavar="ADDRESS")] = ""
-    """a Dask scheduler, whose workers do the work: tcp://HOST:PORT, or its scheduler file (.json)"""
     part: Annotated[int | None, arg(metavar="ROWS")] = None
     """rows that a worker labels in one go, and that are then kept; by default what takes 5 s, and 64 at most"""
     resume: bool = False
@@ -105,8 +101,7 @@ class Label(JointLawOptions, Command):
 
         if self.output is None:
             raise InputError("missing: -o LABELS.parquet, or a table that ends in .jsonl", source="label")
-        if self.jobs < 0:
-            raise InputError(f"is {self.jobs}; 0 or more is needed", field="--jobs")
+        workers = self.workers()
         beside = [self.output.with_suffix(ending) for ending in (SUMMARY, PICTURE)]
         if not (self.force or self.resume):
             for file in beside:
@@ -129,13 +124,12 @@ class Label(JointLawOptions, Command):
                 labelling=self._labelling(),
                 changes=self._changes(),
                 scene=self._scene(),
-                jobs=self.jobs or None,
-                scheduler=self.scheduler or None,
                 part=self.part,
                 resume=self.resume,
                 force=self.force,
                 keep_parts=self.keep_parts,
                 on_progress=shown,
+                **workers,
             )
         from handfast.core.files import write_bytes, write_text
 

@@ -171,6 +171,24 @@ class GraspOptions:
 
 
 @dataclass(kw_only=True)
+class WorkOptions:
+    """Who does the work."""
+
+    jobs: Annotated[int, arg(metavar="N")] = 0
+    """processes; 0 for one a core"""
+    scheduler: Annotated[str, arg(metavar="ADDRESS")] = ""
+    """a Dask scheduler, whose workers do the work: tcp://HOST:PORT, or its scheduler file (.json)"""
+
+    def workers(self) -> dict[str, Any]:
+        """`jobs` and `scheduler` as functions take them."""
+        if self.jobs < 0:
+            raise InputError(f"is {self.jobs}; 0 or more is needed", field="--jobs")
+        if self.jobs and self.scheduler:
+            raise InputError("is of this machine; a --scheduler has workers of its own", field="--jobs")
+        return {"jobs": self.jobs or None, "scheduler": self.scheduler or None}
+
+
+@dataclass(kw_only=True)
 class Reported:
     """A page about the answer."""
 

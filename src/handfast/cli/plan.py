@@ -73,6 +73,7 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         options: PlanOptions = self.options(
             PlanOptions, sampling=Sampling(approach=self.approach or None), surroundings=self._surroundings()
         )
+        self.workers()  # refused before the work
         asked = [self._for(name) for name in names] if self.others else [self]
         for one in asked:
             PlanFolder.refuse(one.output, resume=self.resume, force=self.force)
@@ -128,7 +129,7 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
             how: dict[str, Any] = laws | {"resume": self.resume, "on_progress": note}
             folder = PlanFolder(self.output, *names, senses, **how) if self.output else None
             journal = folder or Journal(note)
-            planned = plan(hand, body, loads=loads, options=options, jobs=self.jobs, journal=journal)
+            planned = plan(hand, body, loads=loads, options=options, journal=journal, **self.workers())
         if self.report and planned.grasps:
             from handfast.pictures.found_page import report_plan
 

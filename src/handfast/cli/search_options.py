@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from handfast.cli.load_options import LoadsOptions
-from handfast.cli.options import Assignments, assigned, check_writable
+from handfast.cli.options import Assignments, WorkOptions, assigned, check_writable
 from handfast.cli.scene_options import SOLID, LinkPairs
 from handfast.core.errors import InputError
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class SearchFlags(LoadsOptions):
+class SearchFlags(LoadsOptions, WorkOptions):
     """A search for grasps."""
 
     joint_laws: Annotated[str, arg(metavar="LAWS")] = SOLID
@@ -35,8 +35,6 @@ class SearchFlags(LoadsOptions):
     """largest normal force at any contact [N]"""
     eta: Annotated[float, arg(metavar="DEG")] = 0.0
     """how far the contact normals may be off [degrees]"""
-    jobs: Annotated[int | None, arg(metavar="N")] = None
-    """processes to use; all cores by default"""
     resume: bool = False
     """go on from what FOLDER holds; the same question, but for how many and how long, --pool and --jobs"""
     report: Annotated[Path | None, arg(metavar="FILE.html")] = None

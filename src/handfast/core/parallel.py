@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 START = "fork" if sys.platform.startswith("linux") else "spawn"  # how multiprocessing begins a process here
 DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
 WAIT = 0.1  # [s] between looks at a result: Ctrl-C is heard in between, and the time is looked at
+LOOK = 0.005  # [s] between looks at a result of a cluster
 AHEAD = 16  # items for each worker that are begun before the first result is taken,
 AHEAD_IN_CLUSTER = 2  # and of a cluster that are sent before it is free: a message takes a while
 PATIENCE = 20.0  # [s] for a scheduler to answer
@@ -50,6 +51,16 @@ class Workers(ABC, Generic[Shared]):
     """Workers that share one object. A context: at its end nothing of it runs any more."""
 
     shared: Shared
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """How many items are done at a time, at this moment."""
+
+    @property
+    def alone(self) -> bool:
+        """Does the caller do the work itself?"""
+        return False
 
     def __enter__(self) -> Self:
         return self
@@ -76,6 +87,28 @@ class Workers(ABC, Generic[Shared]):
         Raises:
             InputError: the workers are gone.
         """
+
+    @abstractmethod
+    def map(
+        self,
+        function: Callable[[Shared, Item], Result],
+        items: Iterable[Item],
+        *,
+        until: float = float("inf"),
+        ahead: int | None = None,
+    ) -> Iterator[Result]:
+        """`function(shared, item)` of each item, in the order of the items; items are drawn as they are needed.
+
+        Args:
+            function: of a module or of a class, as it is sent by name.
+            until: on the monotonic clock; nothing is begun or waited for after that.
+            ahead: items that are begun before the first result is taken.
+        """
+
+
+def workers_of(shared: Shared, jobs: int | None, scheduler: str | None) -> Workers[Shared]:
+    """The workers of a Dask scheduler, if an address is given, or processes of this machine: all cores by default."""
+    return DaskWorkers(shared, scheduler) if scheduler else WorkerPool(shared, jobs or default_jobs())
 
 
 class WorkerPool(Workers[Shared]):
@@ -119,8 +152,11 @@ class WorkerPool(Workers[Shared]):
             self._processes = [WorkerProcess(partial(_call, self.shared)) for _ in range(self.jobs)]
 
     @property
+    def count(self) -> int:
+        return self.jobs
+
+    @property
     def alone(self) -> bool:
-        """Does the caller do the work itself?"""
         return self.jobs == 1
 
     @property
@@ -136,13 +172,7 @@ class WorkerPool(Workers[Shared]):
         until: float = float("inf"),
         ahead: int | None = None,
     ) -> Iterator[Result]:
-        """`function(shared, item)` of each item, in the order of the items; items are drawn as they are needed.
-
-        Args:
-            function: of a module or of a class, as it is sent by name.
-            until: on the monotonic clock; nothing is begun or waited for after that.
-            ahead: items that are begun before the first result is taken.
-        """
+        """As `Workers.map`."""
         if self.alone:
             for item in items:
                 if time.monotonic() >= until:
@@ -348,6 +378,36 @@ class DaskWorkers(Workers[Shared]):
     def count(self) -> int:
         """How many items are done at a time, at this moment."""
         return max(1, sum(self._client.nthreads().values()))
+
+    def map(
+        self,
+        function: Callable[[Shared, Item], Result],
+        items: Iterable[Item],
+        *,
+        until: float = float("inf"),
+        ahead: int | None = None,
+    ) -> Iterator[Result]:
+        """As `Workers.map`."""
+        left, begun = iter(items), deque[Any]()
+        try:
+            while True:
+                most = AHEAD_IN_CLUSTER * self.count if ahead is None else ahead
+                for item in islice(left, most - len(begun)):
+                    begun.append(self._client.submit(function, self.shared, item, pure=False))
+                if not begun:
+                    return
+                while time.monotonic() < until and not begun[0].done():
+                    time.sleep(LOOK)
+                if time.monotonic() >= until:
+                    return
+                future = begun.popleft()
+                result = self._result(future)
+                future.release()
+                if isinstance(result, Died):
+                    raise RuntimeError(f"a worker is gone: {result.reason}")
+                yield result
+        finally:
+            self._client.cancel(list(begun))
 
     def run(
         self, function: Callable[[Shared, Item], Result], items: Iterable[Item]

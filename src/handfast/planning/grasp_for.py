@@ -19,7 +19,7 @@ from handfast.core.answer import Reach, Stop
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked, unknown_name
 from handfast.core.libraries import deferred_interrupt
-from handfast.core.parallel import WorkerPool, default_jobs
+from handfast.core.parallel import Workers, workers_of
 from handfast.geometry.collision import Collisions
 from handfast.geometry.contacts import of_body
 from handfast.geometry.dexterity import dexterity
@@ -59,6 +59,7 @@ def grasp_for(
     *,
     options: TaskGraspOptions | None = None,
     jobs: int | None = None,
+    scheduler: str | None = None,
     journal: Journal[Grasps] | None = None,
     **changes: Any,
 ) -> Grasps:
@@ -69,6 +70,7 @@ def grasp_for(
         loads: what one preload must hold, `options.safety` times; the weight from all six axis directions unless given.
         options: see `TaskGraspOptions`.
         jobs: processes; by default all cores.
+        scheduler: address of a Dask scheduler, whose workers take the place of processes here.
         journal: hears of the grasps so far after each unit of work, and may give a search to go on from.
         changes: options by name, in place of those of `options`: `grasp_for(task, count=3, timeout=None)`.
 
@@ -94,7 +96,7 @@ def grasp_for(
     evaluator = Evaluator(problem, collisions, loads, friction, o.allowed)
     work = LocalSearch(evaluator, o.seed, Requirements.of(o.limits, friction, names))
     search = _TaskSearch(work, body, o.count, journal or Journal())
-    return search.run(o.timeout, jobs or default_jobs())
+    return search.run(o.timeout, jobs, scheduler)
 
 
 def question_of(work: LocalSearch, body: Body) -> str:
@@ -144,7 +146,7 @@ class _TaskSearch:
         self.balance = self.proof_of_none()
         self.begin, self.spent = time.monotonic(), 0.0
 
-    def run(self, timeout: float | None, jobs: int) -> Grasps:
+    def run(self, timeout: float | None, jobs: int | None, scheduler: str | None) -> Grasps:
         """Units until enough are found, and the torques of each."""
         self.work.warm()
         earlier = self.journal.earlier(self.evaluator.task)
@@ -155,7 +157,7 @@ class _TaskSearch:
                 raise fault.at(self.journal.source) from None
         self.begin = time.monotonic()
         self.work.end = np.inf if timeout is None else self.begin + timeout
-        with WorkerPool(self.work, jobs) as pool:
+        with workers_of(self.work, jobs, scheduler) as pool:
             try:
                 stop = self.search(pool)
             except KeyboardInterrupt:
@@ -194,7 +196,7 @@ class _TaskSearch:
         how: dict[str, Any] = {"center": center, "force_limit": r.force_limit, "seed": self.work.seed}
         return NoBalance(e.task, e.loads, r.friction, **how, saved=saved)
 
-    def search(self, pool: WorkerPool[LocalSearch]) -> Stop:
+    def search(self, pool: Workers[LocalSearch]) -> Stop:
         """Units in order until there are enough, or it is shown that there are none, or the time is over."""
         if self.gathered.enough:
             return Stop.COMPLETE
@@ -202,7 +204,7 @@ class _TaskSearch:
         if self.balance.shown:
             return Stop.COMPLETE
         begin = time.monotonic()
-        for unit in pool.map(LocalSearch.run, self.work.numbers(self.units), ahead=pool.jobs + 1):
+        for unit in pool.map(LocalSearch.run, self.work.numbers(self.units), ahead=pool.count + 1):
             new = self.take(unit)
             self.prove(pool)
             self.journal.note(self.answer(Stop.INTERRUPTED), new=new)
@@ -234,7 +236,7 @@ class _TaskSearch:
         x = (of_unit.certified.x * self.evaluator.problem.lengths)[None]
         return _Found(of_unit.certified, of_unit.repaired, features_of(self.evaluator.task, x)[0], of_unit.first)
 
-    def prove(self, pool: WorkerPool[LocalSearch]) -> None:
+    def prove(self, pool: Workers[LocalSearch]) -> None:
         """The least preloads of what was found last, and how far the search has come."""
         begin = time.monotonic()
         new = [f for f in self.gathered.kept if f.answer is None]

@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError, kinds_checked
-from handfast.core.parallel import WorkerPool, default_jobs
+from handfast.core.parallel import Workers, workers_of
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
@@ -30,6 +30,7 @@ def plan(
     loads: Loads | None = None,
     options: PlanOptions | None = None,
     jobs: int | None = None,
+    scheduler: str | None = None,
     journal: Journal[Plan] | None = None,
     **changes: Any,
 ) -> Plan:
@@ -46,6 +47,7 @@ def plan(
             if absent.
         options: see `PlanOptions`.
         jobs: processes; by default one per core.
+        scheduler: address of a Dask scheduler, whose workers take the place of processes here.
         journal: hears of the plan so far after each attempt. It may give a plan that was cut short, to go on from;
             `attempts` are counted from its first.
         changes: options by name, in place of those of `options`: `plan(hand, body, count=5, seed=1)`.
@@ -81,7 +83,7 @@ def plan(
     def spent() -> float:
         return time.monotonic() - begin + (before.seconds if before else 0.0)
 
-    def measure(workers: WorkerPool[Runner]) -> None:
+    def measure(workers: Workers[Runner]) -> None:
         bare = [(k, g) for k, g in enumerate(gathered.kept) if g.quality is None]
         found = workers.map(Runner.measured, [g for _, g in bare], until=end)
         for (k, _), g in zip(bare, found, strict=False):  # fewer where the time is up
@@ -89,7 +91,7 @@ def plan(
 
     end, stop = np.inf if o.timeout is None else begin + o.timeout, Stop.NODES
     try:
-        with WorkerPool(Runner(asked, end), jobs or default_jobs()) as workers:
+        with workers_of(Runner(asked, end), jobs, scheduler) as workers:
             numbers = range(gathered.tally.total, o.attempts)
             done = gathered.enough or fruitless(gathered.tally, o.give_up)
             measure(workers)

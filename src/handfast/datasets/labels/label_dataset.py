@@ -12,7 +12,7 @@ from typing import Any
 
 from handfast.core.errors import InputError
 from handfast.core.files import refuse_existing, same_json
-from handfast.core.parallel import DaskWorkers, Died, WorkerPool, Workers, default_jobs
+from handfast.core.parallel import Died, Workers, workers_of
 from handfast.core.schema import written
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
 from handfast.datasets.labels.label_columns import SCHEMA, broken, complete, described
@@ -151,7 +151,7 @@ def label_dataset(
     with folder:
         _refuse(target, folder, resume=resume, force=force)  # another run may have ended since
         bad = fresh = 0
-        with _workers(recipe, jobs, scheduler) as workers:
+        with workers_of(recipe, jobs, scheduler) as workers:
             have = folder.open(resume=resume)
             done = sum(map(len, have))
 
@@ -204,10 +204,6 @@ def _count(summary: LabelSummary, format: LabelFormat, target: Path, rows: int) 
         whole = False
     if not whole:
         raise InputError("was damaged since it was written; give --force to begin anew", source=str(target))
-
-
-def _workers(recipe: LabelRecipe, jobs: int | None, scheduler: str | None) -> Workers[LabelRecipe]:
-    return DaskWorkers(recipe, scheduler) if scheduler else WorkerPool(recipe, jobs or default_jobs())
 
 
 def _labelled(

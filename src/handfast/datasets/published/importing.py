@@ -10,7 +10,7 @@ from typing import Any
 from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.parallel import WorkerPool
+from handfast.core.parallel import default_jobs, workers_of
 from handfast.datasets.published.gap_closing import gaps_closed, pushed_on
 from handfast.datasets.published.mapping_file import HandMapping, PlacedGrasp, placed
 from handfast.datasets.published.object_finder import FoundObject, find_object, meshes_of
@@ -227,7 +227,9 @@ class Importer:
         return Body.of(pieces, name=found.name, mass=self.mass, friction=bodies[0].friction)
 
 
-def imported(importer: Importer, found: Sequence[Source], jobs: int = 1) -> Iterator[ImportedGrasp]:
-    """What becomes of rows, in their order, in `jobs` processes."""
-    with WorkerPool(importer, min(jobs, max(len(found), 1))) as pool:
-        yield from pool.map(Importer.of, found)
+def imported(
+    importer: Importer, found: Sequence[Source], jobs: int | None = 1, scheduler: str | None = None
+) -> Iterator[ImportedGrasp]:
+    """What becomes of rows, in their order, in `jobs` processes (None: all cores), or by a Dask scheduler's workers."""
+    with workers_of(importer, min(jobs or default_jobs(), max(len(found), 1)), scheduler) as workers:
+        yield from workers.map(Importer.of, found)

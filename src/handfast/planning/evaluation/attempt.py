@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -137,6 +138,13 @@ class Runner:
         self.clearance = QuickLook(self.scene)
         around = asked.options.surroundings
         self.ways = WayFinder(self.scene, around) if around else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For another machine, whose clock is another: the time that is left."""
+        return vars(self) | {"until": self.until - time.monotonic()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state | {"until": state["until"] + time.monotonic()})
 
     def run(self, number: int) -> UnitResult[PlannedGrasp]:
         """The attempt of a number: what became of it, and the grasp if it holds."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -73,12 +74,18 @@ class ConfigurationUnit(UnitResult[Improved]):
 class LocalSearch:
     """Runs units of one question; made once, then copied into every process."""
 
-    def __init__(self, evaluator: Evaluator, seed: int, requirements: Requirements) -> None:
+    def __init__(
+        self, evaluator: Evaluator, seed: int, requirements: Requirements, seconds_left: float = np.inf
+    ) -> None:
         self.evaluator, self.seed, self.requirements = evaluator, seed, requirements
         self.starts = Starts(evaluator.problem, seed)
         self.walks = Walks(self.starts)
         self.line = LineBalance(self.walks, evaluator.loads)
-        self.end = np.inf  # of the monotonic clock
+        self.end = time.monotonic() + seconds_left  # of the monotonic clock
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it is sent to another machine, with a clock and machine code of its own."""
+        return LocalSearch, (self.evaluator, self.seed, self.requirements, self.end - time.monotonic())
 
     def warm(self) -> None:
         """Compile what the units need, before the clock starts and before processes are made."""
