@@ -9,8 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Polygon, Wedge
 
-from handfast.cli import map as map_command
-from handfast.cli import sweep as sweep_command
+from handfast.cli.maps import save_map, save_sweep
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
@@ -203,13 +202,13 @@ def test_pictures_are_the_same_every_time(mapped: MapAnswer, swept: SweepAnswer,
 def test_files_of_every_kind(mapped: MapAnswer, swept: SweepAnswer, tmp_path) -> None:
     begins = {".png": b"\x89PNG", ".svg": b"<?xml", ".csv": b"", ".json": b"{"}
     for ending, start in begins.items():
-        map_command.save(mapped, tmp_path / f"map{ending}")
-        sweep_command.save(swept, tmp_path / f"sweep{ending}")
+        save_map(mapped, tmp_path / f"map{ending}")
+        save_sweep(swept, tmp_path / f"sweep{ending}")
         assert (tmp_path / f"map{ending}").read_bytes().startswith(start)
         assert (tmp_path / f"sweep{ending}").read_bytes().startswith(start)
     with pytest.raises(InputError, match=r"map\.png: exists already"):
-        map_command.save(mapped, tmp_path / "map.png")
-    map_command.save(mapped, tmp_path / "map.png", force=True)
+        save_map(mapped, tmp_path / "map.png")
+    save_map(mapped, tmp_path / "map.png", force=True)
     rows = (tmp_path / "map.csv").read_text().splitlines()
     assert rows[3].split(",")[3:] == ["0.0", "0.0", "false", "slips", "2.0", "5.0", "false", "holds"]
     assert (tmp_path / "sweep.csv").read_text().splitlines()[2] == "0.1,0.5,0.5,false,0.2,0.25,false"

@@ -1,6 +1,6 @@
-"""The program `handfast`: one subcommand per question, one file per subcommand.
+"""The program `handfast`: one subcommand per question.
 
-Here is nothing but the entry: the submodules `list`, `map` and `max` hide the built-ins of those names.
+Here is nothing but the entry: the submodule `list` hides the built-in of that name.
 """
 
 import os

@@ -14,7 +14,6 @@ from functools import reduce
 from typing import Annotated, Any, get_type_hints
 
 from handfast.cli import console
-from handfast.cli.check import Check
 from handfast.cli.close import Close
 from handfast.cli.contacts import Contacts
 from handfast.cli.demo import Demo
@@ -24,22 +23,19 @@ from handfast.cli.hold import Hold
 from handfast.cli.import_grasps import ImportGrasps
 from handfast.cli.label import Label
 from handfast.cli.list import List
-from handfast.cli.map import Map
-from handfast.cli.max import Max
+from handfast.cli.maps import Map, Sweep
 from handfast.cli.measures import MeasureGrasp
 from handfast.cli.options import Command, GraspOptions, is_number
 from handfast.cli.paper import Paper
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.propose import Propose
+from handfast.cli.questions import Check, Max, Torques
 from handfast.cli.robust import Robust
 from handfast.cli.settle import Settle
-from handfast.cli.show import Show
+from handfast.cli.show import Show, ViewGrasps
 from handfast.cli.simulate import Simulate
-from handfast.cli.sweep import Sweep
 from handfast.cli.synthesize import Synthesize
-from handfast.cli.torques import Torques
 from handfast.cli.verify import Verify
-from handfast.cli.view import ViewGrasps
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.libraries import patient_interrupt
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Assignments, Command, assigned, check_writable
+from handfast.cli.options import Assignments, Command, Reported, assigned, check_writable
 from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 from handfast.core.errors import InputError
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Close(SceneOptions, Command):
+class Close(SceneOptions, Reported, Command):
     """Close a hand joint by joint until every finger touches the object or reaches a limit."""
 
     pose: Annotated[str, arg(metavar="FILE")]
@@ -37,12 +37,6 @@ class Close(SceneOptions, Command):
     """write the closed configuration"""
     grasp: Annotated[Path | None, arg(metavar="GRASP.json")] = None
     """write the grasp file"""
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
-    """write a self-contained page with pictures of the grasp"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.geometry.contacts import contact_grasp
@@ -54,7 +48,7 @@ class Close(SceneOptions, Command):
 
         check_writable(self.output, self.force, (".json",))
         check_writable(self.grasp, self.force, (".json",))
-        check_writable(self.report, self.force, (".html", ".htm"))
+        self.check_report()
         hand, body = self.load_scene()  # first: a hand that has to be downloaded is told before anything else
         placed = load_placed(self.pose)
         hand, q0 = placed.applied(hand)

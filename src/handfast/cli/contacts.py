@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
-from handfast.cli.options import Assignments, Command, assigned, check_writable
+from handfast.cli.options import Assignments, Command, Reported, assigned, check_writable
 from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 from handfast.core.errors import InputError
 
@@ -29,7 +29,7 @@ def torsion_named(text: str) -> float | Literal["hand"]:
 
 
 @dataclass(kw_only=True)
-class Contacts(SceneOptions, Command):
+class Contacts(SceneOptions, Reported, Command):
     """Where a hand at a configuration touches an object: a grasp file."""
 
     configuration: Annotated[str, arg(metavar="FILE")]
@@ -46,12 +46,8 @@ class Contacts(SceneOptions, Command):
     """actuator commands [N m, or N if prismatic or tendon] instead of the configuration's"""
     output: Annotated[Path | None, arg(metavar="GRASP.json", aliases=["-o"])] = None
     """write the grasp file"""
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
-    """write a self-contained page with pictures of the grasp"""
     json: bool = False
     """print the grasp file on standard output"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.cli import tables
@@ -60,7 +56,7 @@ class Contacts(SceneOptions, Command):
         from handfast.readers.grasp_file import file_dict, save_grasp
 
         check_writable(self.output, self.force, (".json",))
-        check_writable(self.report, self.force, (".html", ".htm"))
+        self.check_report()
         torsion = torsion_named(self.torsion)
         hand, body = self.load_scene()
         placed = load_placed(self.configuration)

@@ -37,7 +37,7 @@ class Demo(Command):
     def run(self) -> int:
         import numpy as np
 
-        from handfast.cli import map as map_command
+        from handfast.cli.maps import save_map
         from handfast.pictures import Entry, sentences, words, write_report
         from handfast.readers.grasp_file import save_grasp
         from handfast.stability.answers import check, maximum, torques
@@ -76,7 +76,7 @@ class Demo(Command):
         _say(out, "Map", "; ".join(f"{name}: {_resisted(sentences.curve_states(c))}" for name, c in named))
 
         save_grasp(grasp, self.output / "grasp.json", force=self.force)
-        map_command.save(drawn, self.output / "map.png", force=self.force)
+        save_map(drawn, self.output / "map.png", force=self.force)
         write_report(self.output / "report.html", grasp, entries, settings=settings, meshes=meshes, force=self.force)
         _say(out, "Report", f"open {self.output / 'report.html'} in a browser")
         _say(out, "Next", f"handfast map {self.output / 'grasp.json'} --plane xy --eta 2.5 -o map.svg")

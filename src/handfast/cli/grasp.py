@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, Triple, load_solvable
-from handfast.cli.scene_options import JointLawOptions, load_object
-from handfast.cli.search_options import SearchFlags
+from handfast.cli.load_options import SearchFlags
+from handfast.cli.options import Command, load_solvable
+from handfast.cli.scene_options import JointLawOptions, ObjectOptions
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class FindGrasps(SearchFlags, JointLawOptions, Command):
+class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
     """Find grasps for a task: the hand reaches them, nothing collides, they hold, and with these torques.
 
     Every configuration comes with a proof that it exists, every load with an exact equilibrium under the
@@ -32,12 +32,6 @@ class FindGrasps(SearchFlags, JointLawOptions, Command):
     """grasps that differ from each other"""
     object: Annotated[str | None, arg(metavar="OBJECT")] = None
     """a mesh or handfast/body/1 file or the name of a bundled object, instead of the task's"""
-    mass: Annotated[float | None, arg(metavar="KG")] = None
-    """mass of the object [kg], instead of its file's"""
-    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
-    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
-    friction: Annotated[float | None, arg(metavar="MU")] = None
-    """friction coefficient between hand and object; the object file's, or 0.5"""
     depth: Annotated[float, arg(metavar="M")] = 1e-3
     """how deep solids may be in each other, links beyond what they are at rest: shapes are approximations [m]"""
     timeout: Annotated[float, arg(metavar="S")] = 60.0
@@ -61,8 +55,7 @@ class FindGrasps(SearchFlags, JointLawOptions, Command):
             raise InputError("names no object; give --object, its shape is needed", source=self.task)
         workers = self.workers()
         GraspFolder.refuse(self.output, resume=self.resume, force=self.force)
-        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
-        body = load_object(name, scale=1.0, **about)
+        body = self.load_object(name)
         console.warn(compared(task.hand, body))
         with console.watch("grasp") as watch:
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from handfast.stability.answers import MaxAnswer
     from handfast.stability.studies.hold import HoldAnswer
 
+CUT = Stop.TIME, Stop.NODES, Stop.INTERRUPTED  # limits that ended a search
+
 
 @dataclass(frozen=True, eq=False)
 class HeldGrasp:
@@ -81,10 +83,11 @@ def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:
             grid.add_row(str(k), row.name, Text("BROKEN", style="bold red"), *["–"] * 5)
             continue
         exact = "–" if a.exact is None else "yes" if a.exact else "to 1e-9"
-        cut = f", {a.stop}" if a.stop in (Stop.TIME, Stop.NODES, Stop.INTERRUPTED) else ""
+        cut = f", {a.stop}" if a.stop in CUT else ""
         verdict = Text(a.verdict.upper() + cut, style=STYLE[a.verdict])
         hardest = a.refuted[0] if a.refuted else a.hardest or "–"
         margin = "–" if a.margin is None else "any size" if np.isinf(a.margin) else num(a.margin)
+        margin += " or more" * any(m.stop in CUT for m in a.margins.values())
         grid.add_row(str(k), row.name, verdict, command_text(a), hardest, margin, exact, num(a.seconds, 2))
     out.print()
     out.print(grid)

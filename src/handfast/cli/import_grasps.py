@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, WorkOptions
+from handfast.cli.options import Command, Printed, WorkOptions
 from handfast.cli.scene_options import JointLawOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
@@ -24,7 +24,7 @@ TABLES = (".csv", ".jsonl", ".parquet")
 
 
 @dataclass(kw_only=True)
-class ImportGrasps(JointLawOptions, WorkOptions, Command):
+class ImportGrasps(JointLawOptions, WorkOptions, Printed, Command):
     """Published grasps as configurations and grasp files: DexGraspNet, BODex, DexGraspBench, Dexonomy, GraspQP, \
 MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
 
@@ -66,10 +66,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     """of servos that pull towards the files' squeeze [N m/rad or N/m]: their forces become the preload"""
     count: Annotated[int | None, arg(metavar="N")] = None
     """the first N grasps only"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Assignments, Command, GraspOptions, Reported, Triple, assigned, check_writable
+from handfast.cli.options import (
+    Assignments,
+    Command,
+    GraspOptions,
+    Reported,
+    Triple,
+    assigned,
+    check_writable,
+    write_as,
+)
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,10 +54,6 @@ class MeasureGrasp(GraspOptions, Reported, Command):
     """nodes of the search for each passive maximum"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.measures.measuring import measure
@@ -56,7 +61,7 @@ class MeasureGrasp(GraspOptions, Reported, Command):
         from handfast.stability.problem.settings import Settings
 
         check_writable(self.output, self.force, ENDINGS)
-        self.check_report(self.force)
+        self.check_report()
         grasp = self.load()
         try:
             found = measure(
@@ -84,7 +89,7 @@ class MeasureGrasp(GraspOptions, Reported, Command):
                 draw_measures(found),
                 "Blue: resisted passively. Orange: what chosen contact forces could balance.",
             )
-            self.write_page(grasp, facts=values, gallery=[picture], force=self.force)
+            self.write_page(grasp, facts=values, gallery=[picture])
         if self.json:
             console.print_json(found.to_json())
         else:
@@ -94,22 +99,16 @@ class MeasureGrasp(GraspOptions, Reported, Command):
 
 def save(found: Measures, path: Path, *, force: bool = False) -> None:
     """Write measures as picture or numbers, by the file's ending."""
-    import json
+    from handfast.pictures.measures_picture import draw_measures
 
-    from handfast.core.files import write_bytes, write_text
+    write_as(path, found, lambda: draw_measures(found), lambda: csv(found), force=force)
 
-    match path.suffix.lower():
-        case ".json":
-            write_text(path, json.dumps(found.to_json(), indent=1) + "\n", force=force)
-        case ".csv":
-            columns = found.columns()
-            row = [_quoted(found.grasp.name), *map(_cell, columns.values())]
-            write_text(path, ",".join(["grasp", *columns]) + "\n" + ",".join(row) + "\n", force=force)
-        case ending:
-            from handfast.pictures.drawing import picture
-            from handfast.pictures.measures_picture import draw_measures
 
-            write_bytes(path, picture(draw_measures(found), ending.removeprefix(".")), force=force)
+def csv(found: Measures) -> str:
+    """A line of heads and one of numbers."""
+    columns = found.columns()
+    row = [_quoted(found.grasp.name), *map(_cell, columns.values())]
+    return ",".join(["grasp", *columns]) + "\n" + ",".join(row) + "\n"
 
 
 def _quoted(text: str) -> str:

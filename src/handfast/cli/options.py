@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol
 
 from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import PrimitiveConstructorSpec
@@ -16,6 +18,8 @@ from handfast.core import bundled
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
     from handfast.stability.problem.settings import Settings
@@ -58,7 +62,8 @@ def _number(word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise ValueError(f"'{word}' is not a number") from None
+        hint = "; numbers have spaces between them" if "," in word else ""
+        raise ValueError(f"'{word}' is not a number{hint}") from None
 
 
 def _several(metavar: str, read: Any) -> PrimitiveConstructorSpec[Any]:
@@ -86,7 +91,7 @@ def _gravity(words: list[str]) -> tuple[Any, ...]:
     if words == ["all"]:
         return ALL
     if len(words) != 3:
-        raise ValueError(f"has {len(words)} numbers; three are needed, X Y Z, or the word all")
+        raise ValueError(f"is '{' '.join(words)}'; three numbers are needed, X Y Z, or the word all")
     return _triple(words)
 
 
@@ -110,11 +115,28 @@ def assigned(groups: Sequence[Pairs], field: str) -> dict[str, float]:
 HAND = re.compile(r"(menagerie|table1):.*|[a-z0-9_]+_description(:\w+)?|.*\.(urdf|xml|mjcf)(#.*)?", re.IGNORECASE)
 
 
+OTHERS = {  # schemas of files that are given where a grasp is needed: what they are
+    "handfast/body/1": "an object",
+    "handfast/configuration/1": "a configuration (handfast contacts makes a grasp of it)",
+    "handfast/task/1": "a task (handfast grasp finds grasps for it)",
+    "handfast/loads/1": "a file of loads",
+    "handfast/hand-regions/1": "a file of regions",
+    "handfast/result/1": "an answer",
+    "handfast/hold/1": "an answer",
+}
+
+
 def refuse_hand(name: str) -> None:
-    """`InputError` for a hand where a grasp is needed."""
+    """`InputError` for a hand, or another file of ours, where a grasp is needed."""
     if HAND.fullmatch(name) or (name in bundled.names("hands") and name not in bundled.names("grasps")):
         right = f"handfast plan {name} OBJECT finds grasps of it, handfast contacts makes one of a configuration"
         raise InputError(f"is a hand, and a grasp is needed; {right}", source=name)
+    schema = None
+    if name.lower().endswith(".json") and Path(name).is_file():
+        with suppress(OSError, ValueError, AttributeError):  # said when it is read as a grasp
+            schema = json.loads(Path(name).read_text("utf-8")).get("schema")
+    if isinstance(schema, str) and schema in OTHERS:
+        raise InputError(f"is {OTHERS[schema]}, and a grasp is needed", source=name)
 
 
 class Command:
@@ -189,15 +211,25 @@ class WorkOptions:
 
 
 @dataclass(kw_only=True)
-class Reported:
+class Printed:
+    """An answer in words or for programs."""
+
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+
+@dataclass(kw_only=True)
+class Reported(Printed):
     """A page about the answer."""
 
     report: Annotated[Path | None, arg(metavar="FILE.html")] = None
     """write a self-contained page with pictures and numbers"""
 
-    def check_report(self, force: bool) -> None:
+    def check_report(self) -> None:
         """Refuse a page that could not be written."""
-        check_writable(self.report, force, (".html", ".htm"))
+        check_writable(self.report, self.force, (".html", ".htm"))
 
     def write_page(
         self, grasp: Grasp, entries: Sequence[Entry] = (), *, notes: Sequence[str] = (), **shown: Any
@@ -208,7 +240,9 @@ class Reported:
 
         if self.report:
             meshes, missing = source_meshes(grasp)
-            write_report(self.report, grasp, entries, meshes=meshes, notes=[*notes, *missing], **shown)
+            write_report(
+                self.report, grasp, entries, meshes=meshes, notes=[*notes, *missing], force=self.force, **shown
+            )
 
 
 @dataclass(kw_only=True)
@@ -227,14 +261,10 @@ class QueryOptions(GraspOptions, Reported):
     """seconds for a question (in a map or sweep: for each direction)"""
     nodes: Annotated[float, arg(metavar="N")] = float("inf")
     """nodes of the search for a question (in a map or sweep: for each direction)"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def write_report(self, grasp: Grasp, entries: Sequence[Entry], options: dict[str, Any]) -> None:
         """The page that `--report` asks for, with what the answers were computed with."""
-        self.write_page(grasp, entries, settings=options["settings"], force=self.force)
+        self.write_page(grasp, entries, settings=options["settings"])
 
     def settings(self) -> Settings:
         from handfast.stability.problem.settings import Settings
@@ -247,7 +277,7 @@ class QueryOptions(GraspOptions, Reported):
 
         from handfast.stability.problem.grasp_limits import GraspLimits
 
-        self.check_report(self.force)
+        self.check_report()
         if isinstance(self, Saved):
             check_writable(self.save, self.force, (".json",))
         return {
@@ -292,6 +322,34 @@ def check_writable(path: Path | None, force: bool, endings: Sequence[str]) -> No
         raise InputError("is a folder", source=str(path))
     if path.exists() and not force:
         raise InputError("exists already; give --force to write over it", source=str(path))
+
+
+class _Written(Protocol):
+    """An answer that can be written as numbers."""
+
+    def to_json(self) -> dict[str, Any]: ...
+
+
+def write_as(
+    path: Path,
+    answer: _Written,
+    draw: Callable[[], Figure],
+    csv: Callable[[], str] | None = None,
+    *,
+    force: bool = False,
+) -> None:
+    """Write an answer as the file's ending says: numbers (.json, .csv) or a picture."""
+    from handfast.core.files import write_bytes, write_text
+
+    match path.suffix.lower():
+        case ".json":
+            write_text(path, json.dumps(answer.to_json(), indent=1, allow_nan=False) + "\n", force=force)
+        case ".csv" if csv:
+            write_text(path, csv(), force=force)
+        case ending:
+            from handfast.pictures.drawing import picture
+
+            write_bytes(path, picture(draw(), ending.removeprefix(".")), force=force)
 
 
 def check_folder(path: Path | None) -> None:

@@ -11,9 +11,9 @@ import numpy as np
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
+from handfast.cli.load_options import SearchFlags
 from handfast.cli.options import Assignments, Command, Triple, assigned
 from handfast.cli.scene_options import SceneOptions
-from handfast.cli.search_options import SearchFlags
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, Triple, check_folder, check_writable
-from handfast.cli.scene_options import load_object
+from handfast.cli.options import Command, Reported, check_folder, check_writable
+from handfast.cli.scene_options import ObjectOptions
 
 if TYPE_CHECKING:
     from handfast.planning.propose_tasks import Proposals
 
 
 @dataclass(kw_only=True)
-class Propose(Command):
+class Propose(ObjectOptions, Reported, Command):
     """Propose regions of an object to touch for a pinch, a tripod or a power grasp.
 
     A heuristic chooses the regions and pairs them with those of the hand; every task that is proposed has a certified
@@ -34,12 +34,6 @@ class Propose(Command):
     """the hand's regions, a handfast/hand-regions/1 file; bundled, or guessed from the hand's shapes, if absent"""
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 5
     """proposals"""
-    friction: Annotated[float | None, arg(metavar="MU")] = None
-    """friction coefficient, instead of the object's"""
-    mass: Annotated[float | None, arg(metavar="KG")] = None
-    """mass of the object [kg], for the tasks that are written"""
-    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
-    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
     scale: Annotated[float, arg(metavar="M")] = 1.0
     """metres per unit of a mesh file"""
     unbalanced: bool = False
@@ -50,12 +44,6 @@ class Propose(Command):
     """seconds of synthesis for each candidate"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
     """write one handfast/task/1 file for each proposal, for handfast synthesize and handfast grasp"""
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
-    """write a self-contained page about the proposals, the first to be turned with the mouse"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.core import bundled
@@ -66,10 +54,9 @@ class Propose(Command):
         from handfast.readers.region_file import load_hand_regions
 
         check_folder(self.output)
-        check_writable(self.report, self.force, (".html", ".htm"))
+        self.check_report()
         hand = load_hand(self.hand)
-        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
-        body = load_object(self.object, scale=self.scale, **about)
+        body = self.load_object(self.object, self.scale)
         console.warn(compared(hand, body))
         regions = load_hand_regions(self.regions, hand) if self.regions else None
         named = self.object if self.object in bundled.names("objects") else str(Path(self.object))

@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.load_options import Direction
-from handfast.cli.options import GraspOptions, Reported, Wrench, check_writable
+from handfast.cli.options import GraspOptions, Reported, Wrench, check_writable, write_as
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,17 +43,13 @@ class Robust(Direction, GraspOptions, Reported):
     """seconds for each grasp"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """picture (.png, .svg) or numbers (.json)"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.stability.problem.settings import Settings
         from handfast.stability.studies.sampled_maximum import sampled_maximum
 
         check_writable(self.output, self.force, (".png", ".svg", ".json"))
-        self.check_report(self.force)
+        self.check_report()
         grasp, bounds = self.load(), self._bounds()
         direction = self.along(grasp, self.grasp)
         with console.watch("robust") as watch:
@@ -83,7 +79,7 @@ class Robust(Direction, GraspOptions, Reported):
         )
         picture = draw_sampled(found), f"The largest disturbance of {len(found.lower)} grasps that are off."
         notes = [bounds_text(found), *conclusion(found)]
-        self.write_page(found.grasp, [entry], notes=notes, gallery=[picture], force=self.force)
+        self.write_page(found.grasp, [entry], notes=notes, gallery=[picture])
 
     def _bounds(self) -> Perturbation:
         import numpy as np
@@ -110,17 +106,9 @@ class Robust(Direction, GraspOptions, Reported):
 
 def save(found: SampledMaximum, path: Path, *, force: bool = False) -> None:
     """Write the picture or the numbers, by the file's ending."""
-    import json
-
-    from handfast.core.files import write_bytes, write_text
-
-    if path.suffix.lower() == ".json":
-        write_text(path, json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n", force=force)
-        return
-    from handfast.pictures.drawing import picture
     from handfast.pictures.sampled_picture import draw_sampled
 
-    write_bytes(path, picture(draw_sampled(found), path.suffix.lower().removeprefix(".")), force=force)
+    write_as(path, found, lambda: draw_sampled(found), force=force)
 
 
 def show_sampled(found: SampledMaximum) -> None:

@@ -46,7 +46,24 @@ class JointLawOptions:
 
 
 @dataclass(kw_only=True)
-class SceneOptions(JointLawOptions):
+class ObjectOptions:
+    """What is said of an object in place of its file."""
+
+    friction: Annotated[float | None, arg(metavar="MU")] = None
+    """friction coefficient between hand and object; the object file's, or 0.5"""
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the object [kg], in place of its file's"""
+    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
+    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
+
+    def load_object(self, name: str, scale: float = 1.0) -> Body:
+        """The object of a name as these options want it."""
+        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
+        return load_object(name, scale=scale, **about)
+
+
+@dataclass(kw_only=True)
+class SceneOptions(JointLawOptions, ObjectOptions):
     """A hand and an object."""
 
     hand: Annotated[Positional[str], arg(metavar="HAND")]
@@ -57,12 +74,6 @@ class SceneOptions(JointLawOptions):
     """SRDF file that says which links do not collide; the URDF's namesake beside it"""
     object: Annotated[Positional[str], arg(metavar="OBJECT")]
     """a mesh, URDF, SDF, GraspIt! or handfast/body/1 file, a folder of meshes, or a bundled object"""
-    friction: Annotated[float | None, arg(metavar="MU")] = None
-    """friction coefficient between hand and object; the object file's, or 0.5"""
-    mass: Annotated[float | None, arg(metavar="KG")] = None
-    """mass of the object [kg]"""
-    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
-    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
     scale: Annotated[float, arg(metavar="M")] = 1.0
     """metres per unit of a mesh file"""
 
@@ -74,8 +85,7 @@ class SceneOptions(JointLawOptions):
         if self.root:  # saved files load it again by its source, from anywhere
             file, _, link = hand.source.rpartition("#")
             self.hand = f"{Path(file).resolve()}#{link}"
-        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
-        return self.lawful(hand), load_object(self.object, scale=self.scale, **about)
+        return self.lawful(hand), self.load_object(self.object, self.scale)
 
 
 def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **about: Any) -> Body:

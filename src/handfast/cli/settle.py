@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.load_options import Load
-from handfast.cli.options import GraspOptions, check_folder, check_writable
+from handfast.cli.options import GraspOptions, Reported, check_folder, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Settle(GraspOptions, Load):
+class Settle(GraspOptions, Load, Reported):
     """Where does the grasp end up under a load that it does not resist?
 
     It is followed in slow steps, contacts found anew in the shapes of hand and object, until nothing moves or the
@@ -37,14 +37,8 @@ class Settle(GraspOptions, Load):
     """seconds for each question about the grasps"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
     """write both grasps, the configuration at rest and the path"""
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
-    """write a self-contained page with the path and the last grasp"""
     strip: Annotated[Path | None, arg(metavar="FILE.png")] = None
     """write pictures of the path"""
-    json: bool = False
-    """print one JSON object instead of sentences"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.core.answer import Verdict
@@ -52,7 +46,7 @@ class Settle(GraspOptions, Load):
         from handfast.simulation.settling import settle
         from handfast.stability.problem.settings import Settings
 
-        check_writable(self.report, self.force, (".html", ".htm"))
+        self.check_report()
         check_writable(self.strip, self.force, (".png",))
         self._check_output()
         grasp = self.load()

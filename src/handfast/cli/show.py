@@ -1,7 +1,8 @@
-"""`handfast show`: what a hand is, and what is guessed about it."""
+"""`handfast show`: what a hand is, and what is guessed about it. `handfast view`: a grasp under your mouse."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, check_writable
+from handfast.cli.options import Command, Printed, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ MANY = 30  # pairs of links that are listed
 
 
 @dataclass(kw_only=True)
-class Show(Command):
+class Show(Printed, Command):
     """Show a hand: joints, senses, couplings, the guessed palm, fingers and regions; as a page to be turned with -o.
 
     Look at a new hand before you plan with it: what is guessed wrong can be stated.
@@ -37,10 +38,6 @@ class Show(Command):
     """metres per unit of a mesh file"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """a self-contained page with a slider for each joint (.html), or a still picture (.png, .svg)"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.cli.scene_options import load_object, load_placed
@@ -118,3 +115,29 @@ class Show(Command):
             out.print(grid)
             if count > MANY:
                 out.print(f"and {count - MANY} more pairs: --json, or -o FILE.html")
+
+
+@dataclass(kw_only=True)
+class ViewGrasps(Command):
+    """Look at a grasp, turn and drag its load with the mouse, and see at once whether it holds: a live page.
+
+    Ctrl-C ends it. Needs pip install 'handfast[view]'.
+    """
+
+    grasps: Annotated[Positional[str], arg(metavar="GRASP|FOLDER")]
+    """a handfast/grasp/1 file, the name of a bundled grasp, or a folder of grasp files to leaf through"""
+    port: Annotated[int | None, arg(metavar="N")] = None
+    """where the page is served; by default 8080 or the next that is free"""
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+    """the address to listen at; whoever reaches it can use the page, and the default is this machine alone"""
+    browser: bool = True
+    """do not open the page in a browser"""
+
+    def run(self) -> int:
+        from handfast.pictures.live.open_page import view
+
+        page = view(self.grasps, host=self.host, port=self.port, browser=self.browser)
+        with page, suppress(KeyboardInterrupt):  # which may come as soon as it is said
+            console.out().print(f"{page.url}  (Ctrl-C ends it)", soft_wrap=True)
+            page.wait()
+        return console.ANSWERED

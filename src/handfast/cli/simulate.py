@@ -50,7 +50,7 @@ class Simulate(GraspOptions, Load, Reported):
 
         for path, ending in ((self.save, ".json"), (self.series, ".csv"), (self.strip, ".png"), (self.film, ".gif")):
             check_writable(path, self.force, (ending,))
-        self.check_report(self.force)
+        self.check_report()
         grasp = self.load()
         wrench = self.disturbance(grasp, self.grasp)
         with console.watch("simulate") as watch:
@@ -85,7 +85,7 @@ class Simulate(GraspOptions, Load, Reported):
                 write_bytes(self.film, film.film(found, scene), force=self.force)
             if self.report:
                 shown = film.strip(found, scene), "Moments of the simulation, in order."
-                self.write_page(found.grasp, notes=lines(found), gallery=[shown], force=self.force)
+                self.write_page(found.grasp, notes=lines(found), gallery=[shown])
 
 
 def show_simulation(found: SimulationResult, *written: Path | None) -> None:

@@ -9,12 +9,12 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, check_writable, load_solvable
+from handfast.cli.options import Command, Reported, check_writable, load_solvable
 from handfast.core.errors import InputError
 
 
 @dataclass(kw_only=True)
-class Synthesize(Command):
+class Synthesize(Reported, Command):
     """Can the hand take that hold? Configurations in which every hand region touches its object region.
 
     Each one comes with a proof that an exact configuration exists. If there is none, that is shown too,
@@ -39,12 +39,6 @@ class Synthesize(Command):
     """write the configuration, for handfast contacts; several as FILE-1.json, FILE-2.json, ..."""
     output: Annotated[Path | None, arg(metavar="FILE.png", aliases=["-o"])] = None
     """picture of the first configuration (.png, .svg)"""
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
-    """write a self-contained page about the configurations, the first to be turned with the mouse"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         from handfast.cli import synthesis_tables
@@ -54,7 +48,7 @@ class Synthesize(Command):
         if self.count < 1:
             raise InputError(f"is {self.count}; at least 1 is needed", field="--count")
         check_writable(self.save, self.force, (".json",))
-        check_writable(self.report, self.force, (".html", ".htm"))
+        self.check_report()
         check_writable(self.output, self.force, (".png", ".svg"))
         for path in self._configurations(self.count):
             check_writable(path, self.force, (".json",))

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.grasps import random_case
 from handfast import verify
 from handfast.cli import main
-from handfast.cli.map import csv
+from handfast.cli.maps import map_csv
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures import sentences, words
@@ -259,7 +259,7 @@ def test_a_map_says_what_its_maxima_say(holed_map: MapAnswer) -> None:
 
 
 def test_holes_are_in_the_table_and_crossed_out_in_the_picture(holed_map: MapAnswer) -> None:
-    head, *lines = csv(holed_map).splitlines()
+    head, *lines = map_csv(holed_map).splitlines()
     column = head.split(",").index("holes_with_preload")
     holes = [h.holes if h else () for h in holed_map.preloaded.intervals]
     assert [line.split(",")[column] for line in lines] == [" ".join(f"{a!r}:{b!r}" for a, b in h) for h in holes]
@@ -270,7 +270,7 @@ def test_holes_are_in_the_table_and_crossed_out_in_the_picture(holed_map: MapAns
 def test_a_map_that_was_not_asked_says_nothing_of_holes() -> None:
     plain = force_map(random_case(3, 510).grasp, "xz", steps=2, jobs=1)
     assert "holes" not in plain.to_json()["with_preload"]
-    assert "holes" not in csv(plain)
+    assert "holes" not in map_csv(plain)
 
 
 # --- words --------------------------------------------------------------------------------------------

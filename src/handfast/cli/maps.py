@@ -1,4 +1,4 @@
-"""`handfast map`: the largest resisted force in every direction of a plane."""
+"""`handfast map` and `sweep`: largest resisted disturbances, in all directions of a plane or while a command grows."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import arg
+from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, QueryOptions, Triple, check_writable
+from handfast.cli.load_options import WeightOptions
+from handfast.cli.options import Command, QueryOptions, Triple, Wrench, check_writable, write_as
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.stability.studies.maps import MapAnswer
+    from handfast.stability.studies.maps import MapAnswer, SweepAnswer
 
 ENDINGS = (".png", ".svg", ".csv", ".json")
 
@@ -56,7 +57,7 @@ class Map(QueryOptions, Command):
             options |= {"at": self.at, "steps": self.steps, "on_progress": watch.item}
             answer = force_map(grasp, self.plane, **options)
         if self.output:
-            save(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)
+            save_map(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)
         if self.report:
             title = f"Which forces in the {self.plane} plane does it resist?"
             entry = Entry(title, answer, eta=options["limits"].eta, limit=self.limit, weight=self.weight)
@@ -68,28 +69,16 @@ class Map(QueryOptions, Command):
         return console.status(answer.verdict, answer.stop)
 
 
-def save(
+def save_map(
     answer: MapAnswer, path: Path, *, limit: float | None = None, weight: float | None = None, force: bool = False
 ) -> None:
     """Write a map as picture or numbers, by the file's ending; limit and weight are those of `draw_map`."""
-    import json
+    from handfast.pictures.map_picture import draw_map
 
-    from handfast.core.files import write_bytes, write_text
-
-    match path.suffix.lower():
-        case ".json":
-            write_text(path, json.dumps(answer.to_json(), indent=1) + "\n", force=force)
-        case ".csv":
-            write_text(path, csv(answer), force=force)
-        case ending:
-            from handfast.pictures.drawing import picture
-            from handfast.pictures.map_picture import draw_map
-
-            figure = draw_map(answer, limit=limit, weight=weight)
-            write_bytes(path, picture(figure, ending.removeprefix(".")), force=force)
+    write_as(path, answer, lambda: draw_map(answer, limit=limit, weight=weight), lambda: map_csv(answer), force=force)
 
 
-def csv(answer: MapAnswer) -> str:
+def map_csv(answer: MapAnswer) -> str:
     """One line per direction; an empty upper bound is unbounded or not known.
 
     Holes are first:last, with spaces between.
@@ -110,6 +99,80 @@ def csv(answer: MapAnswer) -> str:
                 shown = c.intervals[i] if c.intervals else None
                 holes = [f"{first!r}:{last!r}" for first, last in shown.holes] if shown else []
                 cells += [number(shown.holds_from_zero_to if shown else 0.0), " ".join(holes)]
+        lines.append(",".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+@dataclass(kw_only=True)
+class Sweep(QueryOptions, WeightOptions):
+    """The largest resisted disturbances while one actuator's command varies.
+
+    Figure 12 of the stability paper. The other commands stay as in the grasp.
+    """
+
+    one_of = "--direction FX FY FZ TX TY TZ", "--gravity GX GY GZ"
+    joint: Annotated[str, arg(metavar="NAME")]
+    """the actuator whose command varies"""
+    to: Annotated[float, arg(metavar="VALUE")]
+    """last command [N m, or N if prismatic or tendon]"""
+    from_: Annotated[float, arg(metavar="VALUE", name="from")] = 0.0
+    """first command"""
+    steps: Annotated[int, arg(metavar="N")] = 21
+    """number of commands, first and last included"""
+    direction: UseAppendAction[tuple[Wrench, ...]] = ()
+    """direction of a disturbance, once for each curve; three numbers are a force"""
+    gravity: Triple = ()
+    """instead: the direction in which gravity pulls, object axes; the answer multiplies the object's weight"""
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    """picture (.png, .svg) or numbers (.csv, .json)"""
+
+    def run(self) -> int:
+        import numpy as np
+
+        from handfast.cli import tables
+        from handfast.pictures import Entry
+        from handfast.stability.studies.maps import sweep
+
+        grasp, options = self.load(), self.options()
+        self.check_one(self.direction, self.gravity)
+        directions = self.direction or (self.one_wrench((), self.gravity, grasp, self.grasp),)
+        check_writable(self.output, self.force, ENDINGS)
+        if self.steps < 2:
+            raise InputError(f"is {self.steps}; at least 2 commands are needed", field="--steps")
+        for value, field in ((self.from_, "--from"), (self.to, "--to")):
+            if not np.isfinite(value):
+                raise InputError(f"is {value}; a finite number is needed", field=field)
+        values = np.linspace(self.from_, self.to, self.steps)
+        with console.watch("sweep") as watch:
+            answer = sweep(grasp, self.joint, values, directions, on_progress=watch.item, **options)
+        if self.output:
+            save_sweep(answer, self.output, force=self.force)
+        if self.report:
+            title = f"How does the command of {self.joint} change what it resists?"
+            entry = Entry(title, answer, eta=options["limits"].eta)
+            self.write_report(grasp, [entry], options)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_sweep(console.out(), answer, self)
+        return console.status(answer.verdict, answer.stop)
+
+
+def save_sweep(answer: SweepAnswer, path: Path, *, force: bool = False) -> None:
+    """Write a sweep as picture or numbers, by the file's ending."""
+    from handfast.pictures.map_picture import draw_sweep
+
+    write_as(path, answer, lambda: draw_sweep(answer), lambda: sweep_csv(answer), force=force)
+
+
+def sweep_csv(answer: SweepAnswer) -> str:
+    """One line per command; an empty upper bound is unbounded or not known."""
+    keys = [f"{key}_{k + 1}" for k in range(len(answer.curves)) for key in ("lower", "upper", "unbounded")]
+    lines = [",".join([answer.actuator, *keys])]
+    for i, value in enumerate(answer.values):
+        cells = [repr(float(value))]
+        for c in answer.curves:
+            cells += [number(c.lower[i]), number(c.upper[i]), str(bool(c.unbounded[i])).lower()]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
 

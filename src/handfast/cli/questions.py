@@ -1,15 +1,15 @@
-"""`handfast check`: does the grasp resist this disturbance?"""
+"""`handfast check`, `max` and `torques`: what of a disturbance does the grasp resist, how much, with which commands?"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.load_options import Disturbances
-from handfast.cli.options import FrictionModel, LoadingOrder, QueryOptions, Saved
+from handfast.cli.load_options import Direction, Disturbances, Load
+from handfast.cli.options import FrictionModel, LoadingOrder, QueryOptions, Saved, Wrench
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -101,3 +101,79 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
             limited = bool(self.torque_limit) or self.force_limit is not None
             exact = short | {"limits": GraspLimits(options["limits"].eta)}
             tables.show_beside(console.out(), alone, most, check(grasp, wrench, **exact) if limited else None)
+
+
+@dataclass(kw_only=True)
+class Max(Direction, QueryOptions, Saved, LoadingOrder, FrictionModel):
+    """How large a disturbance along a direction does the grasp resist?
+
+    The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
+    magnitude exceeds. Magnitudes below the largest are not always resisted too; --interval tells which.
+    """
+
+    base: Wrench = ()
+    """a constant load beside it, such as the weight"""
+    interval: bool = False
+    """show up to which magnitude everything is resisted, and where there are holes"""
+
+    def run(self) -> int:
+        from handfast.cli import tables
+        from handfast.pictures import Entry
+        from handfast.pictures.words import direction_text, load_text, num
+        from handfast.stability.answers import maximum
+
+        grasp, options = self.load(), self.options()
+        direction = self.along(grasp, self.grasp)
+        options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval, "loading": self.loading}
+        with console.watch("max") as watch:
+            answer = maximum(grasp, direction, on_progress=watch.step, **options)
+        if self.save:
+            answer.save(self.save, force=self.force)
+        if self.report:
+            beside = f" beside {load_text(self.base)}" if self.base else ""
+            title = f"How much {direction_text(direction)} does it resist{beside}?"
+            entry = Entry(title, answer, eta=options["limits"].eta, mdp=self.mdp, direction=direction)
+            self.write_report(grasp, [entry], options)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_max(console.out(), grasp, direction, answer, self)
+            if self.gravity:
+                times = "any multiple of" if answer.unbounded else f"{num(answer.lower)} times"
+                console.out().print(f"It resists {times} the weight. {self.weight_text(grasp)}", style="dim")
+        return console.status(answer.verdict, answer.stop)
+
+
+@dataclass(kw_only=True)
+class Torques(Load, QueryOptions, Saved):
+    """Which motor commands resist this disturbance with the least effort?
+
+    Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none.
+    """
+
+    objective: Literal["max", "sum"] = "max"
+    """make the largest command small, or the sum of all"""
+
+    def run(self) -> int:
+        from handfast.cli import tables
+        from handfast.pictures import Entry
+        from handfast.pictures.words import load_text
+        from handfast.stability.answers import torques
+
+        grasp, options = self.load(), self.options()
+        wrench = self.disturbance(grasp, self.grasp)
+        with console.watch("torques") as watch:
+            answer = torques(grasp, wrench, objective=self.objective, on_progress=watch.step, **options)
+        if self.save:
+            answer.save(self.save, force=self.force)
+        if self.report:
+            title = f"Which commands resist {load_text(wrench)}?"
+            entry = Entry(title, answer, eta=options["limits"].eta)
+            self.write_report(grasp, [entry], options)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_torques(console.out(), grasp, wrench, answer, self.objective, self)
+            if self.gravity:
+                console.out().print(self.weight_text(grasp), style="dim")
+        return console.status(answer.verdict, answer.stop)
