@@ -4,15 +4,18 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from flint import ctx
 
 from benchmarks.exact_states import FAMILIES, drawn
 from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.proofs.balls import refined
+from handfast.proofs import states
+from handfast.proofs.balls import Balls, refined
 from handfast.proofs.existence import nearby, polished, prove
-from handfast.proofs.newton import System
-from handfast.proofs.states import Problem, State, choices, modes_of
+from handfast.proofs.newton import BITS, System
+from handfast.proofs.question import read_question
+from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import check, maximum
@@ -342,3 +345,29 @@ def test_boxes_in_floating_point_contain_the_solution_in_many_digits(family):
         assert (np.abs(a - b) <= a_off + b_off).all()
         assert (b_off <= a_off * (1 + 1e-9) + 4e-16 * np.abs(b)).all()
         assert (a_off / unit).max() < 1e-3 * max(p.scale, np.abs(x.c).max())
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.2])
+def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
+    """Contacts that slide and turn, one at its limit: what Newton's test rests on, entry by entry."""
+    places, soft = [[0.05, 0, 0.01], [-0.04, 0.02, 0], [0, -0.05, -0.02], [0.01, 0.03, 0.05]], eta == 0
+    contacts = []
+    for k, place in enumerate(places):
+        n = -np.array(place) + 0.01 * np.arange(3)
+        contacts.append({"position": place, "normal": (n / np.linalg.norm(n)).tolist(), "friction": 0.3 + 0.1 * k})
+        contacts[-1] |= {"torsion": 0.002} if soft and k < 2 else {}
+    joint = {"name": "a", "axis": [0, 0, 1], "origin": [0.1, 0, 0], "moves": [0, 2]}
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts, "joints": [joint]}
+    asked = {"grasp": grasp, "goal": "check", "wrench": [1.0, 0, 0, 0, 0, 0], "eta": eta, "force_limit": 2.0}
+    q = read_question(asked, "")
+    p, g = Problem.of(q, q.grasp.command, q.wrench), q.grasp
+    modes = Modes(np.full(4, states.Contact.SLIDES), np.arange(4) == 0, np.full(1, Part.LOCKED), np.full(1, Part.FREE))
+    none = np.zeros(1)
+    x = State(np.array([0.3, -0.2, 0.5, 2.0, -3.0, 1.0]), none, np.ones(12), none, np.zeros(0), none, np.zeros(4))
+    system = System.of(p, modes, x, False)
+    with ctx.workprec(BITS):
+        balls = Balls(system)
+        derivative = balls.derivative(balls.at(balls.start)[3])
+    assert derivative.nrows() == len(system.value) == 6 + g.l + 1 + 1  # balance, the locked joint, the limit
+    floats = [[float(y.mid()) for y in row] for row in derivative.table()]
+    np.testing.assert_allclose(floats, system.A, rtol=1e-10, atol=1e-10 * np.abs(system.A).max())
