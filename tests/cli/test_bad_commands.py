@@ -52,6 +52,13 @@ WRONG = {
     "nearly a name": (["check", "fig12", "--wrench", "0", "1", "0"], ["bundled grasp", "did you mean 'fig1'?"]),
     "nearly a task": (["synthesize", "guitar-tunig"], ["bundled task", "did you mean 'guitar-tuning'?"]),
     "nearly a hand": (["show", "barret"], ["did you mean 'barrett-bh8-280'?", "menagerie:ROBOT", "handfast[hands]"]),
+    "a word for a number": (["plan", "barrett-bh8-280", "can", "--timeout", "5m"], ["--timeout: '5m' is not a number"]),
+    "a word for a count": (
+        ["plan", "barrett-bh8-280", "can", "--count", "two"],
+        ["--count: 'two' is not a whole number"],
+    ),
+    "an object for a hand": (["plan", "can.json", "schunk-sah"], ["can.json: is an object; the hand comes first"]),
+    "commas in a wrench": (["check", "fig1", "--wrench", "0,1,0"], ["'0,1,0' is not a number; numbers have spaces"]),
     "a hand for a grasp": (
         ["check", "schunk-sah", "--wrench", "0", "1", "0"],
         ["schunk-sah: is a hand, and a grasp is needed", "handfast plan schunk-sah OBJECT"],
@@ -171,3 +178,11 @@ def test_nothing_is_written_over_without_force(option: str, grasp: str, capsys: 
     assert Path(name).read_text() == "mine"
     assert run(capsys, *question, "--force")[0] == 0
     assert Path(name).read_text() != "mine"
+
+
+def test_an_object_for_a_grasp(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ball.json").write_text('{"schema": "handfast/body/1", "shapes": [{"sphere": {"radius": 0.02}}]}')
+    complains(capsys, ["check", "ball.json", "--gravity", "all"], ["ball.json: is an object, and a grasp is needed"])

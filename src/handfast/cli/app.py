@@ -249,6 +249,8 @@ def _one_line(said: str) -> str:
             text.append(line.strip())
     message = " ".join(text).removeprefix("Error parsing ")
     message = re.sub(r"\('[^()]*'\) ?", _choices, message)
+    message = re.sub(r"could not convert string to float: ('[^']*')", r"\1 is not a number", message)
+    message = re.sub(r"invalid literal for int\(\) with base 10: ('[^']*')", r"\1 is not a whole number", message)
     message = re.sub(r"^Missing from [\w ]+: ", "missing: ", message)
     return message[:1].lower() + message[1:]
 

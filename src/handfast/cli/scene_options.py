@@ -80,7 +80,10 @@ class SceneOptions(JointLawOptions, ObjectOptions):
     def load_scene(self) -> tuple[Hand, Body]:
         """Hand and object."""
         from handfast.readers.load_hand import load_hand
+        from handfast.readers.registry import MESHES, ending
 
+        if ending(Path(self.hand)) in (".json", *MESHES):
+            raise InputError("is an object; the hand comes first, then the object", source=self.hand)
         hand = load_hand(self.hand, root=self.root, srdf=self.srdf)
         if self.root:  # saved files load it again by its source, from anywhere
             file, _, link = hand.source.rpartition("#")
