@@ -14,8 +14,10 @@ import pytest
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
+from handfast.proofs import holds
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
+from handfast.proofs.question import read_question
 from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
@@ -326,3 +328,21 @@ def test_a_command_limit_that_more_is_needed_than() -> None:
     data = saved("too weak")
     data["question"]["command_limit"] = 0.2
     assert reason(data) == "answer: up: the answer does not say that it slips"
+
+
+def test_loads_that_no_forces_balance_up_to_a_cap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three points of a line, but for rounding: a torque about it would need motions of 10^13 N. The claim says so."""
+    line = np.array([1, 2, 3]) / np.sqrt(14)
+    normal = np.array([2, -1, 0]) / np.sqrt(5)
+    contacts = [
+        {"position": (x * line).tolist(), "normal": (sign * normal).tolist(), "friction": 0.5}
+        for x, sign in ((0.01, 1), (0.03, -1), (0.07, 1))
+    ]
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts}
+    q = read_question({"grasp": grasp, "goal": "torques", "wrench": [0, 0, 0, *line]}, "")
+    saved = holds.SavedHold(q, {"turn": q.wrench}, np.inf, {}, {}, None, ("turn", None), {})
+    done = holds._unbalanced(saved, "turn")
+    assert done.ok
+    assert re.fullmatch(r"no forces at the contacts balance turn, up to virtual motions of \d\.\d+e\+13 N", done.claim)
+    monkeypatch.setattr(holds.answers, "FAR", 1e20)
+    assert "it is proved for motions up to" in holds._unbalanced(saved, "turn").reason
