@@ -31,11 +31,11 @@ from handfast.proofs.answers import (
     read_witness,
 )
 from handfast.proofs.certificate import Certificate, read_certificate
-from handfast.proofs.existence import Proved, prove
+from handfast.proofs.existence import NEAR, Proved, prove
 from handfast.proofs.fields import SAME, BadFile, Fields
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
-from handfast.proofs.states import Problem, came_from
+from handfast.proofs.states import Problem, State, acting, came_from
 from handfast.proofs.step_start import StartData, read_start
 from handfast.proofs.tolerance import farthest
 
@@ -178,10 +178,17 @@ def _state(k: int, step: Step) -> tuple[Proved, Replay]:
         raise Refused(f"step {k}: has a witness and a certificate")
     found = prove(_problem(step), w.state)
     reason = "" if found.exact or found.tolerant else found.reason
+    if not reason and not is_near(step.question, w.state, found):
+        reason = f"the state that is proved is {found.radius:.1e} N from the numbers that the path goes on from"
     claim += f", with virtual motions of {found.motion:.6g} N" if not reason else ""
     to = "" if found.exact else ", to 1e-9 of the load"
     figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius}
     return found, Replay(f"step {k}", claim + to, reason, figures)
+
+
+def is_near(q: Question, x: State, found: Proved) -> bool:
+    """Are forces and motions of the state that is proved within `NEAR` of x, relative to the forces that act?"""
+    return found.radius <= NEAR * acting(Problem.of(q, q.grasp.command, q.wrench), x)
 
 
 def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Replay, float | None]:

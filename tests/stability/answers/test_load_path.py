@@ -20,6 +20,7 @@ from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import any_state
 from handfast.stability.answers.load_path import StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
+from handfast.stability.problem.bound_problem import stated
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 
@@ -344,6 +345,13 @@ def test_a_chain_with_a_fault_is_refused() -> None:
     assert "not larger" in forged(less)
     assert "its stops are not those" in forged(slack)
     assert "whole load is not reached" in forged(lambda data: data["steps"].pop())
+
+
+def test_a_path_goes_on_from_numbers_near_the_state_that_is_proved() -> None:
+    step = check(jaw(), [-0.6, 0.6, 0], loading=FIRST).path.steps[-1]
+    x, found = stated(step.witness.state), step.proved
+    assert path_steps.is_near(step.question, x, found)
+    assert not path_steps.is_near(step.question, x, replace(found, radius=1e-3))
 
 
 def test_a_refutation_is_of_the_step_that_it_names() -> None:
