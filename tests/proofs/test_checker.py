@@ -9,8 +9,9 @@ import pytest
 
 from handfast.proofs.cases import CLOSED, OPEN
 from handfast.proofs.certificate import Certificate
-from handfast.proofs.checker import verify
-from handfast.proofs.rows import Row
+from handfast.proofs.checker import checked_rows, verify
+from handfast.proofs.question import LARGEST
+from handfast.proofs.rows import Columns, Row
 from tests.support.proof_certificates import LEAVES, NODES, proof, walls
 from tests.support.proof_states import contact, pinch, question
 
@@ -138,3 +139,14 @@ def test_sticking_contacts_leave_motions_free():
     empty = {"start": [0, 0, 0], "kind": [], "index": [], "a": [], "b": [], "multiplier": []}
     assert verify(proof(q, nodes=split, **empty)).ok
     assert CLOSED == 2
+
+
+def test_what_pushes_the_scalar_is_the_bound_at_its_first_end_alone():
+    q = pinch([0, 0, 0, 0, 0, 0], goal=LARGEST, direction=[0, 0, 1, 0, 0, 0])
+    at, none, root = Columns.of(q), np.zeros(3, np.int64), np.zeros(1, np.int64)
+    kind = np.array([Row.BOUND_UP, Row.BOUND_UP, Row.BOUND_DOWN])
+    index = np.array([at.scalar.start, at.c.start, at.scalar.start])
+    c = Certificate(q, (1.0, 2.0), root - 1, *[root] * 4, np.array([0, 3]), kind, index, none, none, np.ones(3))
+    found = checked_rows(c, np.zeros((1, q.grasp.m + q.actuators, 3), np.int64), slice(0, 1))
+    assert found.first.tolist() == [True, False, False]
+    assert found.right.tolist() == [1.0, 0.0, -2.0]
