@@ -84,4 +84,4 @@ def test_a_question_its_answer_and_its_proof(capsys: pytest.CaptureFixture[str])
     asked = ["check", "coin.json", *turn]
     complains(capsys, [*asked, "--torsion", "0"], ["cannot be balanced by any forces"])
     complains(capsys, [*asked, "--eta", "5"], ["contacts[0].torsion", "uncertainty of the normals knows point"])
-    complains(capsys, [*asked, "--torsion", "-1"], ["torsion", "is -1.0"])
+    complains(capsys, [*asked, "--torsion", "-1"], ["torsion: is -1; a coefficient of torsional friction"])
