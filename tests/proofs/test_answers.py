@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from handfast.core.answer import Verdict
+from handfast.model.grasp import Grasp
 from handfast.proofs import answers, checker
 from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import prove
@@ -479,3 +481,21 @@ def test_numbers_are_numbers() -> None:
         data["answer"]["lower"] = value
         reason(data)
     assert np.isfinite(saved("max")["answer"]["lower"])
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_soft_fingers_beside_contacts_without_torsion(k: int) -> None:
+    """Fingers push along x; the soft one alone takes a torque about x: mu_tau c_n = 5 mm * 1 N."""
+    grasp = pinch()
+    contacts = [replace(contact, torsion=0.005 * (i == k)) for i, contact in enumerate(grasp.contacts)]
+    grasp = Grasp(contacts, grasp.joints, preload={"right": 0.1, "left": 0.1})
+    data = check(grasp, [0, 0, 0, 0.003, 0, 0]).to_file()
+    data = json.loads(json.dumps(data))
+    assert verify(data).ok
+    assert [("torsion" in x) for x in data["answer"]["contacts"]] == [i == k for i in range(2)]
+    data["answer"]["contacts"][k]["torsion"] *= 2
+    assert reason(data) == "answer: contacts is not what the rest of the file shows"
+    data["answer"]["contacts"][1 - k]["torsion"] = 0.0
+    assert reason(data) == "answer: contacts is not what the rest of the file shows"
+    data["answer"]["contacts"][k] = 1
+    assert reason(data) == "answer: contacts is not what the rest of the file shows"
