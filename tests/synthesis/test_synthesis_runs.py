@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast.core import limits
+from handfast.core import answer as search_limits
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.synthesis import query
@@ -33,7 +33,7 @@ def test_the_same_seed_finds_the_same(pinched: Synthesis) -> None:
 def test_a_time_limit_leaves_it_undecided(looks: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the random starts, and in the search for a contradiction; on a clock that goes on when it is looked at."""
     clock = itertools.count()
-    monkeypatch.setattr(limits, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
+    monkeypatch.setattr(search_limits, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
     answer = synthesize(pinch(LARGE), timeout=float(looks))
     assert (answer.verdict, answer.stop) == (Reach.UNDECIDED, Stop.TIME)
     assert (answer.searched is None) == (looks == 1)

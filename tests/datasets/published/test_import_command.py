@@ -164,9 +164,7 @@ def test_what_is_missing_is_asked_for_in_one_line(here: Path, capsys: pytest.Cap
         capsys, ["import", file, *WITH, "-o", "out", "--mass", "1e60"], ["--mass: is 1e+60; a number above 0, at"]
     )
     complains(capsys, ["import", file, *WITH, "-o", "out", "--friction", "-1"], ["--friction: is -1; a friction coeff"])
-    complains(
-        capsys, ["import", file, *WITH[:-2], "-o", "out", "--jobs", "-1"], ["--jobs: is -1; a number above 0, at most"]
-    )
+    complains(capsys, ["import", file, *WITH[:-2], "-o", "out", "--jobs", "-1"], ["--jobs: is -1; 0 or more is needed"])
     complains(capsys, ["import", file, *WITH, "-o", "out", "--object", "none"], ["none: no such file, and no bundled"])
     about = json.loads(Path("tiny.json").read_text())
     Path("twice.json").write_text(json.dumps(about | {"joints": ["left_hinge", "left_hinge"]}))

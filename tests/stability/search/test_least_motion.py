@@ -248,14 +248,13 @@ def shown() -> dict[str, Answer]:
     assert many is not None
     return {
         "check": check(grasp, PULL),
-        "several": check(grasp, [PULL, PULL])[1],
         "many": many,
         "max": maximum(grasp, [0, 1, 0, 0, 0, 0]),
         "torques": torques(grasp, PULL),
     }
 
 
-@pytest.mark.parametrize("name", ["check", "several", "many", "max", "torques"])
+@pytest.mark.parametrize("name", ["check", "many", "max", "torques"])
 def test_every_answer_shows_it(name: str, tmp_path: Path) -> None:
     answer = shown()[name]
     w = answer.witness

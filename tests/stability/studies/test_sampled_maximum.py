@@ -97,7 +97,7 @@ def test_what_is_not_decided_is_left_out() -> None:
     assert part.values.tolist() == sorted(whole.lower[[0, 2]].tolist())
     assert conclusion(part)[:2] == [
         "Interrupted: the samples that were asked are shown.",
-        "2 samples not decided, left out.",
+        "2 samples not decided, left out; more time for each may decide them.",
     ]
     assert "of all grasps within these bounds that can be decided so resist less" in conclusion(part)[-1]
     none: SampledMaximum = replace(whole, decided=np.zeros(4, bool))
