@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
+from handfast.cli.tables import show_replay
+from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import save_grasp
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.maps import force_map
@@ -83,3 +88,19 @@ def test_what_is_wrong_is_one_line(saved: dict[str, Any], capsys: pytest.Capture
     complains(
         capsys, ["verify", "map.json", "--replay"], ["map.json: question: is missing, so that it cannot be asked"]
     )
+
+
+@pytest.mark.parametrize("word", ["proved", "refused"])
+def test_of_many_claims_some_are_shown(word: str) -> None:
+    """The first and the last ten that are proved, the first twenty that are not."""
+    out = Console(record=True, width=100, file=StringIO())
+    parts = tuple(Replay(f"step {k}", f"claim {k}", "" if word == "proved" else "no") for k in range(53))
+    assert show_replay(out, "all", Replay("all", parts=parts)) == word.upper()
+    text = out.export_text()
+    shown = [k for k in range(53) if re.search(rf"claim {k}\b", text)]
+    assert shown == ([*range(10), *range(43, 53)] if word == "proved" else [*range(20)])
+    assert ("33 claims between; --json lists all" in text) == (word == "proved")
+    assert ("33 claims more that are not proved" in text) == (word == "refused")
+    few = Console(record=True, width=100, file=StringIO())
+    show_replay(few, "all", Replay("all", parts=parts[:20]))
+    assert "--json" not in few.export_text()

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
-MOST_CLAIMS = 20  # that are not proved and shown
+MOST_CLAIMS = 20  # that are shown, of those that are proved and of those that are not
 Load = Sequence[float]
 
 
@@ -131,9 +131,12 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
     grid = table("", "claims", "replayed", "")
     grid.columns[2].no_wrap = True
     rows = list(_claims(done, ""))
+    proved = [row for row in rows if row[-1] == "proved"][MOST_CLAIMS // 2 : -MOST_CLAIMS // 2]
     left = [row for row in rows if row[-1] != "proved"][MOST_CLAIMS:]
     for row in rows:
-        if row not in left:
+        if proved and row is proved[0]:
+            grid.add_row("...", f"{words.count(len(proved), 'claim')} between; --json lists all", "", "proved")
+        if not any(row is hidden for hidden in (*proved, *left)):
             grid.add_row(*row)
     if rows:
         out.print()
