@@ -154,6 +154,15 @@ def test_limited_forces_carry_no_more_than_their_friction(weighs: float, shown: 
     assert not replayed(jaws(), loads, of_twist(0, 0, 1, 0, 0, 0), limit=1.0).ok
 
 
+@pytest.mark.parametrize("times", [1e-30, 0.5, 3.0, 1e6, 1e49])
+def test_limited_forces_count_as_often_as_their_loads(times: float) -> None:
+    """Forces of each load add up with its weight: a load counted twice is not one twice as heavy."""
+    for weighs, shown in ((1.01, True), (0.99, False)):
+        loads = {name: weight([0, 0, 0], weighs * DOWN) for name in "wv"}
+        for weights in ({"w": times}, {"w": times, "v": times}, {"w": times, "v": 1.0}):
+            assert replayed(jaws(), loads, of_twist(0, 0, -1, 0, 0, 0, **weights), limit=1.0).ok == shown
+
+
 def test_limited_forces_are_too_weak_wherever_they_point() -> None:
     """Around a whole ball the normal may be any: a force of 0.4 N and its friction, mu = 0.5, is at most 0.45 N."""
     ball = data(Cap((0, 0, 0), 0.02, (0, 0, -1), np.pi))

@@ -11,7 +11,8 @@ of them, they balance the sum. A twist may be constant in a box of placements, o
 two contacts, wherever these are: both then rest, and only the others have to meet the first condition.
 
 Where normal forces are at most f, the first condition may be missed: at each contact forces then do no less work than
--f (mu |u_t| - n.u), and the load has to do more than all of these.
+-f (mu |u_t| - n.u), and the load has to do more than all of these. Of a sum of loads f counts as often as all of them:
+the sum of what balances each, by its weight, is no larger.
 
 A proof is a tree of boxes, halved until each has such a twist. Every box is checked in interval arithmetic. The
 load may be missed by as much as a state that holds may miss it (`tolerance`).
@@ -169,7 +170,8 @@ class Placements:
             moved = [k for k in range(self.count) if k not in line]  # the others rest
             most = sqrt(sqr(u.value).sum()).hi * (np.hypot(1.0, self.friction) * MORE)  # whatever the normal is
             resisted = _positive(slip * self.friction - pushed, most)[..., moved].sum() * self.force_limit
-            return (work - resisted)[..., None], missed
+            together = Interval.of(motions.weights).sum()  # forces of each load, by its weight, add up to as much
+            return (work - resisted * Dual.constant(together, n))[..., None], missed
         cones = pushed - sqrt(sqr(u).sum()) * self.sine
         return join([work[..., None], cones], -1), missed
 
