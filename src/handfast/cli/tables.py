@@ -133,10 +133,11 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
     rows = list(_claims(done, ""))
     proved = [row for row in rows if row[-1] == "proved"][MOST_CLAIMS // 2 : -MOST_CLAIMS // 2]
     left = [row for row in rows if row[-1] != "proved"][MOST_CLAIMS:]
+    hidden = {id(row) for row in (*proved, *left)}
     for row in rows:
         if proved and row is proved[0]:
             grid.add_row("...", f"{words.count(len(proved), 'claim')} between; --json lists all", "", "proved")
-        if not any(row is hidden for hidden in (*proved, *left)):
+        if id(row) not in hidden:
             grid.add_row(*row)
     if rows:
         out.print()

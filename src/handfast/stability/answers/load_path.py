@@ -274,10 +274,11 @@ class Follower:
             target = min(here + step, last)
             found = self.step(grasp, target, prove=step <= gap * target * ABOVE)
             if found.verdict is Verdict.SLIPS and step > gap * target * ABOVE and step > least:
-                end = (
-                    None if asked else self.one_step_end(grasp, here, target)
-                )  # below, if it does not go on more finely
-                step = step / 2 if end is None and asked else (end or here) * (1 - gap / 2 * (end is not None)) - here
+                if asked:
+                    step /= 2
+                else:  # just below where one step leads, or as finely as can be
+                    end = self.one_step_end(grasp, here, target)
+                    step = end * (1 - gap / 2) - here if end is not None else 0.0
                 step, asked = max(step, gap * here, least), True
                 continue
             steps.append(found if found.verdict is not Verdict.SLIPS else self.step(grasp, target))
