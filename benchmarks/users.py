@@ -1,0 +1,372 @@
+"""Questions as users ask them, by families of fresh grasps: processor time beside an aim, the worst family first.
+
+    python -m benchmarks.users [--only WORD ...] [--count 200] [--before ../before] [--rounds 3]
+    python -m benchmarks.users --peers 3 [--peer-limit 150]
+
+Every family draws its grasps by seeds of its own, `FIRST` and on, which no other script has and nothing was tuned on;
+those whose preload presses and whose largest pull is bounded count. Grasps are made anew for every run, so that
+nothing of them is known yet.
+
+- `many`: one maximum each of `--count` grasps in one call of `max_many`, one core;
+- `prepare`: a grasp made ready and asked its first load, which it resists: in one call of `check_many` for all
+  (`batch`), and by `prepare` one by one (`alone`);
+- `next`: a prepared grasp under a load that changes slowly and holds, or slips (with its proof replayed); medians of
+  each grasp;
+- `dense`: six maxima of a grasp of 8 to 12 contacts, one by one, proofs not replayed.
+
+With --before, another checkout (as `git worktree add` makes it) answers the same questions turn by turn, in a process
+of its own. `times` is the median of the ratios of neighbouring turns; `same` counts answers that are equal to the last
+bit, `contradictions` those of which one cannot be true. With --peers, Algorithm 1 on Gurobi is asked the maxima of the
+first grasps of each size, as in `batches.py`: `algorithm1` is its mean time over ours of the same grasps. Times are of
+the processor, all threads. Results are kept in results/users.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.batches import peer, timed
+from benchmarks.grasps import Case, presses, random_case
+from benchmarks.machine import describe, revision
+from handfast import check_many, max_many, maximum, prepare
+from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp
+from handfast.stability.problem.settings import Settings
+
+RESULTS = Path(__file__).parent / "results" / "users.json"
+HERE = Path(__file__).parents[1]
+FIRST = 7_700_000  # seeds from here on
+SHARE = 0.3  # of the largest load: what a prepared grasp holds; it slips under the largest over this
+STEPS = 40  # of a changing load
+FEW, DENSE = 20, 6  # grasps of families that take longer
+LATE = 5.0  # [s] of a maximum for which a grasp is not drawn: whether it is bounded stays open
+QUICK = Settings(verify=False, jobs=1, timeout=20.0)
+
+
+class Measured(NamedTuple):
+    """What a family took: processor time [s] of each unit, and what was answered, `[verdict, lower, upper]` each."""
+
+    seconds: list[float]
+    answers: list[list[Any]]
+
+
+class Family(NamedTuple):
+    """Some questions; ask: with how many grasps. aim: [ms] in the mean, or times as fast as Algorithm 1 (`peers`)."""
+
+    ask: Callable[[int], Measured]
+    aim: float
+    contacts: int | None = None
+
+    @property
+    def is_ratio(self) -> bool:
+        """Is the aim a ratio?"""
+        return self.contacts is not None
+
+
+# --- the grasps ---------------------------------------------------------------------------------
+
+
+def bounded(m: int, count: int, *, wrapped: bool = False) -> list[Case]:
+    """The first cases whose preload presses and whose largest pull is bounded, made anew."""
+    return [random_case(m, seed, wrapped=wrapped) for seed, _ in _drawn(m, count, wrapped)]
+
+
+_KNOWN: dict[tuple[int, bool], list[tuple[int, float]]] = {}
+
+
+def _drawn(m: int, count: int, wrapped: bool = False) -> list[tuple[int, float]]:
+    """Seeds, and the largest magnitudes that are resisted."""
+    known = _KNOWN.setdefault((m, wrapped), [])
+    seed = known[-1][0] + 1 if known else FIRST
+    while len(known) < count:
+        case = random_case(m, seed, wrapped=wrapped)
+        if presses(case.grasp):
+            found = maximum(case.grasp, case.direction, settings=Settings(verify=False, jobs=1, timeout=LATE))
+            if found.lower > 0 and np.isfinite(found.upper):
+                known.append((seed, found.lower))
+        seed += 1
+    return known[:count]
+
+
+# --- the families -------------------------------------------------------------------------------
+
+
+def said(found: Any) -> list[list[Any]]:
+    """The rows of a batch."""
+    upper = [x if np.isfinite(x) else None for x in np.ravel(found.upper).tolist()]
+    return [[str(v), low, up] for v, low, up in zip(np.ravel(found.verdict), np.ravel(found.lower), upper, strict=True)]
+
+
+def verdict_alone(verdict: Any) -> list[Any]:
+    """Of an answer without bounds."""
+    return [str(verdict), None, None]
+
+
+def many(m: int) -> Callable[[int], Measured]:
+    """`max_many` of fresh grasps of m contacts."""
+
+    def ask(count: int) -> Measured:
+        cases = bounded(m, count)
+        grasps, W = [c.grasp for c in cases], np.array([c.direction for c in cases])[:, None]
+        found, spent = timed(lambda: max_many(grasps, W, settings=QUICK, jobs=1))
+        return Measured([spent / count], said(found))
+
+    return ask
+
+
+def first_loads(m: int, count: int) -> tuple[list[Grasp], Array]:
+    """Fresh grasps, and loads (n, 1, 6) below the largest."""
+    cases, known = bounded(m, count), _drawn(m, count)
+    W = np.array([SHARE * s * c.direction for c, (_, s) in zip(cases, known, strict=True)])
+    return [c.grasp for c in cases], W[:, None]
+
+
+def prepared_together(m: int) -> Callable[[int], Measured]:
+    """`check_many` of fresh grasps, one load each."""
+
+    def ask(count: int) -> Measured:
+        grasps, W = first_loads(m, count)
+        found, spent = timed(lambda: check_many(grasps, W, settings=QUICK, jobs=1))
+        return Measured([spent / count], [verdict_alone(v) for v in np.ravel(found.verdict)])
+
+    return ask
+
+
+def prepared_alone(m: int) -> Callable[[int], Measured]:
+    """`prepare` of fresh grasps, and a load each."""
+
+    def ask(count: int) -> Measured:
+        out = Measured([], [])
+        for grasp, w in zip(*first_loads(m, count), strict=True):
+            found, spent = timed(partial(lambda grasp, w: prepare(grasp, settings=QUICK).check(w), grasp, w[0]))
+            out.seconds.append(spent)
+            out.answers.append(verdict_alone(found.verdict))
+        return out
+
+    return ask
+
+
+def changing(start: Array, steps: int) -> Iterator[Array]:
+    """(6,) loads that swell and turn slowly about one."""
+    side = 0.05 * np.linalg.norm(start)
+    for k in range(steps):
+        turn = np.r_[np.cos(0.05 * k), np.sin(0.05 * k), 0, 0, 0, 0]
+        yield start * (1 + 0.2 * np.sin(0.03 * k)) + side * turn
+
+
+def next_loads(m: int, verdict: Verdict, grasps: int) -> Callable[[int], Measured]:
+    """Prepared grasps under loads below the largest, or beyond; of each the median of the answers with a verdict."""
+    share = SHARE if verdict is Verdict.HOLDS else 1 / SHARE
+
+    def ask(count: int) -> Measured:
+        chosen, out = min(count, grasps), Measured([], [])
+        for case, (_, largest) in zip(bounded(m, chosen), _drawn(m, chosen), strict=True):
+            prepared = prepare(case.grasp, settings=Settings(jobs=1))
+            loads = changing(share * largest * case.direction, STEPS)
+            found = [timed(partial(prepared.check, w)) for w in loads]
+            some = [spent for answer, spent in found[1:] if answer.verdict is verdict]
+            out.seconds.extend([statistics.median(some)] if some else [])
+            out.answers.extend(verdict_alone(a.verdict) for a, _ in found)
+        return out
+
+    return ask
+
+
+def dense(m: int, wrapped: bool) -> Callable[[int], Measured]:
+    """Six maxima along the axes of a dense grasp, in the middle of its contacts, one by one."""
+
+    def ask(count: int) -> Measured:
+        out = Measured([], [])
+        for case in bounded(m, min(count, DENSE), wrapped=wrapped):
+            middle = case.grasp.positions.mean(axis=0)
+            pulls = [np.r_[u, np.cross(middle, u)] for u in np.vstack([np.eye(3), -np.eye(3)])]
+            found = [timed(partial(maximum, case.grasp, w, settings=QUICK)) for w in pulls]
+            out.seconds.append(sum(s for _, s in found))
+            for answer, _ in found:
+                out.answers.extend(said(answer))
+        return out
+
+    return ask
+
+
+FAMILIES: dict[str, Family] = {
+    "many, 3 contacts": Family(many(3), 2_000, 3),
+    "many, 4 contacts": Family(many(4), 10_000, 4),
+    "many, 5 contacts": Family(many(5), 20_000, 5),
+    **{f"prepare batch, {m} contacts": Family(prepared_together(m), 0.1) for m in (3, 5)},
+    **{f"prepare alone, {m} contacts": Family(prepared_alone(m), 0.1) for m in (3, 5)},
+    **{f"next holds, {m} contacts": Family(next_loads(m, Verdict.HOLDS, FEW), 0.25) for m in (3, 4, 5, 6)},
+    **{f"next slips, {m} contacts": Family(next_loads(m, Verdict.SLIPS, DENSE), 5.0) for m in (3, 4)},
+    "dense, 8 contacts": Family(dense(8, False), 60.0),
+    "dense, 10 contacts": Family(dense(10, True), 60.0),
+    "dense, 12 contacts": Family(dense(12, True), 60.0),
+}
+
+
+# --- runs, and what is kept of them -------------------------------------------------------------
+
+
+def answer(count: int) -> None:
+    """The process of one version: a family per line in, what was measured out."""
+    case = random_case(3, FIRST)
+    maximum(case.grasp, case.direction, settings=QUICK)  # loads the machine code
+    print("ready", flush=True)
+    for line in sys.stdin:
+        print(json.dumps(FAMILIES[line.strip()].ask(count)), flush=True)
+
+
+class Version:
+    """A checkout and the process that answers with it; the questions are those of this one."""
+
+    def __init__(self, checkout: Path, count: int) -> None:
+        env = os.environ | {"PYTHONPATH": os.pathsep.join([str(checkout / "src"), str(HERE)])}
+        command = [sys.executable, "-m", "benchmarks.users", "--answer", "--count", str(count)]
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env, cwd=HERE)
+        self.revision = revision(checkout)
+        self._line()
+
+    def _line(self) -> str:
+        assert self.process.stdout
+        line = self.process.stdout.readline()
+        if not line:
+            raise SystemExit(f"the process of {self.revision} ended; what it says is above")
+        return line
+
+    def ask(self, family: str) -> Measured:
+        assert self.process.stdin
+        self.process.stdin.write(f"{family}\n")
+        self.process.stdin.flush()
+        return Measured(*json.loads(self._line()))
+
+
+def contradictions(before: list[list[Any]], after: list[list[Any]]) -> int:
+    """Of so many questions HOLDS stands against SLIPS, or a magnitude that is resisted above a bound."""
+    out = 0
+    for a, b in zip(before, after, strict=True):
+        far = any(x[1] is not None and y[2] is not None and x[1] > y[2] * (1 + 1e-9) for x, y in ((a, b), (b, a)))
+        out += {a[0], b[0]} == {"holds", "slips"} or far
+    return out
+
+
+def figures(measured: Measured, aim: float) -> dict[str, Any]:
+    """Milliseconds, beside the aim if that is one."""
+    ms = [1e3 * s for s in measured.seconds]
+    out = {"questions": len(measured.answers), "mean_ms": statistics.fmean(ms), "median_ms": statistics.median(ms)}
+    return out | {"worst_ms": max(ms), "aim": aim}
+
+
+def measured(name: str, versions: list[Version], rounds: int) -> dict[str, Any]:
+    """A family by each version, turn by turn; figures are those of the last, whose turn with the median mean counts."""
+    turns: list[list[Measured]] = []
+    for turn in range(rounds):
+        order = range(len(versions)) if turn % 2 else range(len(versions) - 1, -1, -1)
+        some = {k: versions[k].ask(name) for k in order}
+        turns.append([some[k] for k in range(len(versions))])
+    after = sorted((t[-1] for t in turns), key=lambda m: statistics.fmean(m.seconds))[rounds // 2]
+    out = {"family": name, **figures(after, FAMILIES[name].aim)}
+    if len(versions) > 1:
+        before = sorted((t[0] for t in turns), key=lambda m: statistics.fmean(m.seconds))[rounds // 2]
+        out["before"] = figures(before, FAMILIES[name].aim)
+        out["times"] = statistics.median(sum(t[0].seconds) / sum(t[1].seconds) for t in turns)
+        out["same"] = sum(a == b for a, b in zip(before.answers, after.answers, strict=True))
+        out["contradictions"] = contradictions(before.answers, after.answers)
+    return out
+
+
+def against_peers(name: str, count: int, limit: float) -> dict[str, Any]:
+    """The first grasps of a family by Algorithm 1 on Gurobi, and by us: processor and wall time [s] of each."""
+    m = FAMILIES[name].contacts
+    assert m is not None
+    cases = bounded(m, count)
+    ours = statistics.fmean(many(m)(count).seconds)
+    theirs = [peer(case, limit) for case in cases]
+    return {"grasps": count, "ours": ours, "peers": theirs}
+
+
+def behind(row: dict[str, Any]) -> float:
+    """How far a family is from its aim: 1 has it, 2 takes twice as long; families without a figure last."""
+    family = FAMILIES[row["family"]]
+    if not family.is_ratio:
+        return float(row["mean_ms"] / family.aim)
+    return float(family.aim / row["algorithm1"]) if "algorithm1" in row else 0.0
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """The rows as Markdown, the family that is farthest from its aim first."""
+    lines = [
+        "| family | questions | mean [ms] | median | worst | aim | of the aim | before, mean [ms] | times as fast |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for row in sorted(rows, key=behind, reverse=True):
+        family = FAMILIES[row["family"]]
+        before, times = ("", "")
+        if "before" in row:
+            before, times = f"{row['before']['mean_ms']:.2f}", f"{row['times']:.2f}"
+        aim = f"{family.aim:,.0f} times" if family.is_ratio else f"{family.aim:g} ms"
+        share = "" if family.is_ratio else f"{behind(row):.1f}"
+        if "algorithm1" in row:
+            share = f"{row['algorithm1']:,.0f} times"
+        lines.append(
+            f"| {row['family']} | {row['questions']} | {row['mean_ms']:.2f} | {row['median_ms']:.2f} "
+            f"| {row['worst_ms']:.2f} | {aim} | {share} | {before} | {times} |"
+        )
+    return "\n".join(lines)
+
+
+def kept() -> dict[str, Any]:
+    """The results there are."""
+    return json.loads(RESULTS.read_text()) if RESULTS.exists() else {"families": {}}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", default=[""], metavar="WORD", help="families whose names begin so")
+    parser.add_argument("--count", type=int, default=200, help="grasps of a family, at most")
+    parser.add_argument("--before", type=Path, metavar="CHECKOUT", help="another version")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--peers", type=int, default=0, metavar="N", help="ask Algorithm 1 on Gurobi N of each size")
+    parser.add_argument("--peer-limit", type=float, default=150.0, metavar="S")
+    parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.answer:
+        answer(options.count)
+        return
+    names = [name for name in FAMILIES if name.startswith(tuple(options.only))]
+    data = kept() | {"machine": describe()}
+    versions: list[Version] = []
+    if not options.peers:
+        checkouts = [*([options.before] if options.before else []), HERE]
+        versions = [Version(path.resolve(), options.count) for path in checkouts]
+        data["revisions"] = [v.revision for v in versions]
+    for name in names:
+        row = data["families"].get(name, {"family": name})
+        if versions:
+            peers = {k: row[k] for k in ("algorithm1", "peers") if k in row}
+            row = measured(name, versions, options.rounds) | peers
+        elif FAMILIES[name].is_ratio:
+            row["peers"] = against_peers(name, options.peers, options.peer_limit)
+            spent = [p["seconds"] for p in row["peers"]["peers"] if p["seconds"] is not None]
+            row["algorithm1"] = statistics.fmean(spent) / row["peers"]["ours"]
+        data["families"][name] = row
+        print(json.dumps({k: v for k, v in row.items() if k != "peers"}), flush=True)
+        RESULTS.write_text(json.dumps(data, indent=1) + "\n")
+    print(table([row for row in data["families"].values() if "mean_ms" in row]))
+    for version in versions:
+        version.process.communicate()
+
+
+if __name__ == "__main__":
+    main()
