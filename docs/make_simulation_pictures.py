@@ -16,7 +16,7 @@ from benchmarks.simulation_agreement import LOADINGS, RESULTS, STATEMENT
 from handfast import load_grasp, simulate, simulate_bodies
 from handfast.core.files import write_bytes
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, picture
-from handfast.pictures.film import strip
+from handfast.pictures.motion_picture import strip
 from handfast.pictures.scene import moving_scene
 
 IMAGES = Path(__file__).parent / "img"

@@ -20,8 +20,7 @@ from handfast.model.shape import Shape
 from handfast.pictures import hand_rows
 from handfast.pictures.drawing import SOLID
 from handfast.pictures.hand_facts import HandFacts, facts_of, shown_hand, stated_masses, to_json
-from handfast.pictures.hand_picture import draw_hand
-from handfast.pictures.hand_scene import tint
+from handfast.pictures.hand_picture import draw_hand, tint
 from handfast.pictures.scene import coarse
 from handfast.readers.load_hand import load_hand
 from tests.support.shown_hands import many_jointed, write_wristed

@@ -25,7 +25,7 @@ from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.pictures.hand_facts import facts_of, shown_hand
 from handfast.pictures.hand_page import hand_page, report_hand
-from handfast.pictures.hand_scene import OF_HAND, OF_OBJECT, hand_scene
+from handfast.pictures.hand_picture import OF_HAND, OF_OBJECT, hand_scene
 from handfast.planning.candidates.palm_poses import palm_of
 from handfast.readers.load_hand import load_hand
 from tests.support.driven_page import drive, embedded

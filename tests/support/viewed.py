@@ -12,8 +12,7 @@ import numpy as np
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures.live.answering import Reply, answer, replay
 from handfast.pictures.live.shown_state import Shown, SlipMotion
-from handfast.pictures.live.stage import Stage
-from handfast.pictures.live.view_state import ViewState
+from handfast.pictures.live.view_state import Stage, ViewState
 from handfast.readers.grasp_file import from_dict
 from tests.support.program import planar
 

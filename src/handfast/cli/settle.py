@@ -81,17 +81,17 @@ class Settle(GraspOptions, Load, Reported):
         if self.output:
             found.save(self.output, force=self.force)
         if self.report:
-            from handfast.pictures.settled_picture import report_settled
+            from handfast.pictures.motion_picture import report_settled
 
             report_settled(self.report, found, force=self.force)
         if self.strip:
             from handfast.pictures.drawing import picture
-            from handfast.pictures.settled_picture import draw_settled
+            from handfast.pictures.motion_picture import draw_settled
 
             write_bytes(self.strip, picture(draw_settled(found)), force=self.force)
 
     def _show(self, found: Settled) -> None:
-        from handfast.pictures.settled_picture import details, headline
+        from handfast.pictures.motion_picture import details, headline
 
         out = console.out()
         out.print(f"{str(found.rest).upper()}  {found.first.name} {headline(found)}", style="bold")

@@ -74,17 +74,17 @@ class Simulate(GraspOptions, Load, Reported):
         if self.series:
             write_text(self.series, found.series_csv(), force=self.force)
         if self.strip or self.film or self.report:
-            from handfast.pictures import film
+            from handfast.pictures import motion_picture
             from handfast.pictures.drawing import picture
             from handfast.pictures.scene import moving_scene
 
             scene, _ = moving_scene(found.grasp)
             if self.strip:
-                write_bytes(self.strip, picture(film.strip(found, scene)), force=self.force)
+                write_bytes(self.strip, picture(motion_picture.strip(found, scene)), force=self.force)
             if self.film:
-                write_bytes(self.film, film.film(found, scene), force=self.force)
+                write_bytes(self.film, motion_picture.film(found, scene), force=self.force)
             if self.report:
-                shown = film.strip(found, scene), "Moments of the simulation, in order."
+                shown = motion_picture.strip(found, scene), "Moments of the simulation, in order."
                 self.write_page(found.grasp, notes=lines(found), gallery=[shown])
 
 

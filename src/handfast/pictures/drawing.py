@@ -64,31 +64,6 @@ def windowed(ax: Any, middle: Array, half: Array | float) -> tuple[Array, Array]
     return low, high
 
 
-def motion_and_load(
-    figure: Figure,
-    box: tuple[float, float, float, float],
-    motion: tuple[Array, Array],
-    load: Array,
-    chosen: Sequence[int],
-) -> Any:
-    """Axes with a motion [mm] and a share of a load over something, and dots at chosen moments.
-
-    Args:
-        motion: (n,) what it is drawn over, and (n,) [m]; load: (n,) shares.
-    """
-    x, moved = motion
-    ax = figure.add_axes(box)
-    ax.plot(x, 1e3 * moved, color=MAROON, lw=1.4)
-    ax.plot(x[list(chosen)], 1e3 * moved[list(chosen)], "o", ms=3.5, color=INK)
-    ax.set_ylabel("moved [mm]", color=MAROON, fontsize=8)
-    other = ax.twinx()
-    other.plot(x, 100 * load, color=AMBER, lw=1.4)
-    other.set_ylabel("load [%]", color=AMBER, fontsize=8)
-    for axes in (ax, other):
-        axes.tick_params(labelsize=7)
-    return ax
-
-
 def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float] = CLEAR) -> list[Array]:
     """Triangles, far ones first, shaded by how far they face the viewer; returns the corners of what they cover.
 

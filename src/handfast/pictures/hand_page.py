@@ -15,8 +15,7 @@ from handfast.pictures import hand_rows, page_parts
 from handfast.pictures.depth_buffer import DENSE
 from handfast.pictures.drawing import data_uri, picture
 from handfast.pictures.hand_facts import HandFacts, ShownHand, facts_of, shown_hand
-from handfast.pictures.hand_picture import draw_hand
-from handfast.pictures.hand_scene import PALM, hand_scene, tint
+from handfast.pictures.hand_picture import PALM, draw_hand, hand_scene, tint
 from handfast.pictures.page_parts import table
 from handfast.pictures.view3d import COLORS
 from handfast.pictures.words import tendon_rows

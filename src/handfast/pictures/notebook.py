@@ -20,15 +20,14 @@ from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.pictures import sentences, words
 from handfast.pictures.drawing import data_uri
-from handfast.pictures.film import strip
 from handfast.pictures.grasp_picture import draw_grasp, draw_grasps
 from handfast.pictures.hand_facts import facts_of, shown_hand
 from handfast.pictures.hand_picture import draw_hand
 from handfast.pictures.map_picture import draw_map, draw_sweep
 from handfast.pictures.measures_picture import draw_measures
+from handfast.pictures.motion_picture import details, draw_settled, headline, strip
 from handfast.pictures.sampled_picture import bounds_text, conclusion, draw_sampled
 from handfast.pictures.scene import moving_scene, scene_meshes, source_meshes
-from handfast.pictures.settled_picture import details, draw_settled, headline
 from handfast.pictures.task_picture import draw_task
 from handfast.pictures.words import count, num
 from handfast.planning.evaluation.attempt import PlannedGrasp

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.pictures.live.album import Album
+from handfast.pictures.live.live_session import Album
 from handfast.readers.grasp_file import save_grasp
 from tests.support.viewed import jaws, two_fingers
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.pictures.live.album import Album
-from handfast.pictures.live.live_session import LiveSession
+from handfast.pictures.live.live_session import Album, LiveSession
 from handfast.readers.grasp_file import save_grasp
 from tests.support.viewed import KeptCanvas, jaws, until
 

@@ -12,8 +12,7 @@ from handfast.model.shape import Shape
 from handfast.pictures.camera import first_hit
 from handfast.pictures.live.page_text import bar_html, map_svg, verdict_html
 from handfast.pictures.live.shown_state import COLORS, GREY, LATE, PERIOD, escape, shown, slip_motion
-from handfast.pictures.live.stage import ARROW, reaches, rounded_up, stage_of
-from handfast.pictures.live.view_state import ViewState
+from handfast.pictures.live.view_state import ARROW, ViewState, reaches, rounded_up, stage_of
 from tests.support.viewed import jaws, replies, two_fingers
 
 HELD = ViewState.of(jaws()).with_plane("yz").pulled([0, 0, -5.0])

@@ -11,7 +11,7 @@ from types import TracebackType
 
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.pictures.live.album import Album
+from handfast.pictures.live.live_session import Album
 
 PORT, TRIES = 8080, 100  # the first port that is tried, and how many are
 LOOPBACK = "127.0.0.1"

@@ -18,8 +18,7 @@ from handfast.pictures.live.live_session import LiveSession
 from handfast.pictures.live.page_text import map_svg, verdict_html
 from handfast.pictures.live.same_origin import Doorkeeper
 from handfast.pictures.live.shown_state import CURVE, FORCE, GREY, Shown, ShownMap, SlipMotion
-from handfast.pictures.live.stage import ARROW, Stage
-from handfast.pictures.live.view_state import MAP_PLANES, NOTHING, ViewState
+from handfast.pictures.live.view_state import ARROW, MAP_PLANES, NOTHING, Stage, ViewState
 
 STEEL, BONE, CONE, OBJECT_OPACITY, HAND_OPACITY = (158, 171, 186), (194, 200, 207), (44, 125, 79), 0.55, 1.0
 MOST_FRICTION, MOST_TILT, MOST_PRELOAD = 2.0, 15.0, 3.0  # ends of sliders: coefficient, degrees, times the file's

@@ -8,8 +8,7 @@ import numpy as np
 
 from handfast.pictures import words
 from handfast.pictures.live.shown_state import GREY, RGB, Shown
-from handfast.pictures.live.stage import ARROW, Stage
-from handfast.pictures.live.view_state import ViewState
+from handfast.pictures.live.view_state import ARROW, Stage, ViewState
 
 BAR = 1.5  # shares of the largest load that the bar is long
 SIDE = 230  # pixels of the plot

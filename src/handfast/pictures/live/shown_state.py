@@ -14,8 +14,7 @@ from handfast.core.arrays import Array, Mask
 from handfast.model.grasp import Grasp
 from handfast.pictures import words
 from handfast.pictures.live.answering import PlaneMap, Reply
-from handfast.pictures.live.stage import ARROW, Stage
-from handfast.pictures.live.view_state import NOTHING, ViewState
+from handfast.pictures.live.view_state import ARROW, NOTHING, Stage, ViewState
 from handfast.stability.answers import MaxAnswer
 
 Tone = Literal["holds", "slips", "undecided", "unknown"]
