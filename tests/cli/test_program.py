@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.grasps import random_case
 from handfast.cli import console
-from handfast.cli.app import COMMANDS, option_name
+from handfast.cli.app import COMMANDS, command, option_name
 from handfast.readers.grasp_file import save_grasp
 from tests.support.interruptions import interrupted_program
 from tests.support.program import ask, run
@@ -30,7 +30,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
 def test_help_shows_every_option(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, name, "--help")
     assert (status, err) == (0, "")
-    for field in fields(COMMANDS[name]):
+    for field in fields(command(name)):
         if "Positional" not in str(field.type) and field.type != "GraspName":
             assert option_name(field) in out
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast.cli import console, main, synthesis_tables
+from handfast.cli import console, main, synthesize
 from handfast.cli.app import ABOUT
 from handfast.core import bundled
 from handfast.readers.load_hand import load_hand
@@ -73,17 +73,17 @@ def test_table_is_in_degrees_and_millimetres(task: str, capsys: pytest.CaptureFi
     row = next(line for line in out.splitlines() if line.startswith("left_slide"))
     assert float(row.split()[1]) == pytest.approx(1e3 * c["joints"]["left_slide"], rel=1e-3)
     p = pinch()
-    assert synthesis_tables.slack_text(p, "joint:index_middle", np.radians(3)) == "3°"
-    assert synthesis_tables.slack_text(p, "contact:0:cone", np.radians(2)) == "2°"
-    assert synthesis_tables.slack_text(p, "contact:0:s", 0.25) == "0.25"
-    assert synthesis_tables.slack_text(p, "position:1", 0.002) == "2 mm"
+    assert synthesize.slack_text(p, "joint:index_middle", np.radians(3)) == "3°"
+    assert synthesize.slack_text(p, "contact:0:cone", np.radians(2)) == "2°"
+    assert synthesize.slack_text(p, "contact:0:s", 0.25) == "0.25"
+    assert synthesize.slack_text(p, "position:1", 0.002) == "2 mm"
 
 
 def test_several(task: str, capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(capsys, "synthesize", task, "--count", "5", "--seed", "2")
     assert status == 0
     assert "FOUND  5 configurations, proved to exist" in out
-    assert out.count("Object at (") == synthesis_tables.SHOWN == 3
+    assert out.count("Object at (") == synthesize.SHOWN == 3
     assert "Any two of them are at least" in out
     _, first, _ = run(capsys, "synthesize", task, "--count", "5", "--seed", "2", "--json")
     _, second, _ = run(capsys, "synthesize", task, "--count", "5", "--seed", "2", "--json")
@@ -211,10 +211,10 @@ def test_picture(task: str, ending: str, begins: bytes, capsys: pytest.CaptureFi
 
 
 def test_progress_in_words() -> None:
-    assert synthesis_tables.progress_text(SynthesisProgress(512, 0, 1)) == "512 starts"
-    text = synthesis_tables.progress_text(SynthesisProgress(512, 0, 1, nodes=70, depth=3, pending=5, discarded=0.25))
+    assert synthesize.progress_text(SynthesisProgress(512, 0, 1)) == "512 starts"
+    text = synthesize.progress_text(SynthesisProgress(512, 0, 1, nodes=70, depth=3, pending=5, discarded=0.25))
     assert text == "512 starts · 70 boxes, 5 left, depth 3, 25 % discarded"
-    assert synthesis_tables.progress_text(SynthesisProgress(256, 40, 80)) == "256 starts · 40 of 80 found"
+    assert synthesize.progress_text(SynthesisProgress(256, 40, 80)) == "256 starts · 40 of 80 found"
 
 
 def test_progress_goes_to_a_terminal_only(

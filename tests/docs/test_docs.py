@@ -30,7 +30,7 @@ import pytest
 import handfast
 from handfast import Loads, hold, maximum
 from handfast.cli import main
-from handfast.cli.app import ALIASES, COMMANDS, option_name
+from handfast.cli.app import ALIASES, COMMANDS, command, option_name
 from handfast.core.files import Strict
 from handfast.core.schema import InFiles
 from handfast.datasets.published.mapping_file import read_mapping
@@ -153,7 +153,7 @@ def test_console_lines_are_commands_that_exist() -> None:
             for arguments in block.commands() if block.kind == "console" else []:
                 if arguments[0].startswith("--"):
                     continue
-                known = {option_name(f) for f in fields(COMMANDS[arguments[0]])} | {
+                known = {option_name(f) for f in fields(command(arguments[0]))} | {
                     "--help",
                     "-o",
                     "-n",
@@ -229,7 +229,7 @@ def test_every_option_is_described(name: str, capsys: pytest.CaptureFixture[str]
         described += section(page, "Options of every question")
     assert main([name, "--help"]) == 0
     helped = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", capsys.readouterr().out)) - {"--help"}
-    mine = {option_name(f) for f in fields(COMMANDS[name])}  # type: ignore[arg-type]
+    mine = {option_name(f) for f in fields(command(name))}  # type: ignore[arg-type]
     options = {o for o in helped if o in mine}
     assert options, "no options found in the help"
     tables = "\n".join(line for line in described.splitlines() if line.startswith("| `--"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from handfast import Verdict, check, load_hand
-from handfast.cli.grasp_tables import overlaps_text, starts_text
+from handfast.cli.grasp import overlaps_text, starts_text
 from handfast.cli.plan import PlanGrasps
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError

@@ -15,7 +15,7 @@ import pytest
 
 from handfast import load_body, load_grasp
 from handfast.cli import main
-from handfast.cli.question_tables import grasp_digest
+from handfast.cli.verify import grasp_digest
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify import question_of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import difflib
 import io
 import os
@@ -9,62 +10,43 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr, suppress
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, make_dataclass
 from functools import reduce
+from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 from handfast.cli import console
-from handfast.cli.close import Close
-from handfast.cli.contacts import Contacts
-from handfast.cli.demo import Demo
-from handfast.cli.export import ExportGrasps
-from handfast.cli.grasp import FindGrasps
-from handfast.cli.hold import Hold
-from handfast.cli.import_grasps import ImportGrasps
-from handfast.cli.label import Label
-from handfast.cli.list import List
-from handfast.cli.maps import Map, Sweep
-from handfast.cli.measures import MeasureGrasp
 from handfast.cli.options import Command, GraspOptions, is_number
-from handfast.cli.paper import Paper
-from handfast.cli.plan import PlanGrasps
-from handfast.cli.propose import Propose
-from handfast.cli.questions import Check, Max, Torques
-from handfast.cli.robust import Robust
-from handfast.cli.settle import Settle
-from handfast.cli.show import Show, ViewGrasps
-from handfast.cli.simulate import Simulate
-from handfast.cli.synthesize import Synthesize
-from handfast.cli.verify import Verify
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.libraries import patient_interrupt
 
-COMMANDS: dict[str, type[Command]] = {
-    "check": Check,
-    "max": Max,
-    "torques": Torques,
-    "hold": Hold,
-    "map": Map,
-    "sweep": Sweep,
-    "robust": Robust,
-    "measures": MeasureGrasp,
-    "simulate": Simulate,
-    "settle": Settle,
-    "synthesize": Synthesize,
-    "grasp": FindGrasps,
-    "propose": Propose,
-    "plan": PlanGrasps,
-    "import": ImportGrasps,
-    "export": ExportGrasps,
-    "label": Label,
-    "verify": Verify,
-    "contacts": Contacts,
-    "close": Close,
-    "show": Show,
-    "view": ViewGrasps,
-    "list": List,
-    "paper": Paper,
-    "demo": Demo,
+COMMANDS = {  # "module:class" of each; a module is imported when its command is asked for
+    "check": "questions:Check",
+    "max": "questions:Max",
+    "torques": "questions:Torques",
+    "hold": "hold:Hold",
+    "map": "maps:Map",
+    "sweep": "maps:Sweep",
+    "robust": "robust:Robust",
+    "measures": "measures:MeasureGrasp",
+    "simulate": "simulate:Simulate",
+    "settle": "simulate:Settle",
+    "synthesize": "synthesize:Synthesize",
+    "grasp": "grasp:FindGrasps",
+    "propose": "propose:Propose",
+    "plan": "plan:PlanGrasps",
+    "import": "published:ImportGrasps",
+    "export": "published:ExportGrasps",
+    "label": "label:Label",
+    "verify": "verify:Verify",
+    "contacts": "contacts:Contacts",
+    "close": "contacts:Close",
+    "show": "show:Show",
+    "view": "show:ViewGrasps",
+    "list": "list:List",
+    "paper": "paper:Paper",
+    "demo": "demo:Demo",
 }
 
 ALIASES = dict.fromkeys(
@@ -86,6 +68,12 @@ paper makes the tables and figures of the two papers again, and runs their own m
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""
+
+
+def command(name: str) -> Any:
+    """The class of a command, a `Command`."""
+    module, _, kind = COMMANDS[name].partition(":")
+    return getattr(import_module(f"handfast.cli.{module}"), kind)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -148,54 +136,59 @@ def parse(arguments: list[str]) -> Command:
 
     import tyro
 
-    # the list of commands shows one line of each, a command's own help all of it
-    about = {n: " ".join((c.__doc__ or "").split("\n\n")[0].split()) for n, c in COMMANDS.items()}
-    if "--help" in arguments or "-h" in arguments:
-        for command in COMMANDS.values():
-            _hide_absent_defaults(command)
-    choices = [
-        Annotated[c, tyro.conf.subcommand(n, description=None if n == name else about[n])] for n, c in COMMANDS.items()
-    ]
-    union: Any = reduce(lambda a, b: a | b, choices)
+    asked = name in COMMANDS
+    kind: Any = command(name) if asked else reduce(lambda a, b: a | b, map(_listed, COMMANDS))
+    if asked and not {"--help", "-h"}.isdisjoint(arguments):
+        _hide_absent_defaults(kind)
     said = io.StringIO()
     try:
         with redirect_stderr(said):
             return tyro.cli(
-                union,
-                prog="handfast",
-                description=ABOUT,
-                args=arguments,
+                kind,
+                prog=f"handfast {name}" if asked else "handfast",
+                description=None if asked else ABOUT,
+                args=arguments[asked:],
                 config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
             )
     except SystemExit as stop:
         if not stop.code:
             raise
         complaint = _one_line(said.getvalue())
-        if name in COMMANDS:
+        if asked:
             complaint = _missing(name, arguments[1:], complaint)
-        raise InputError(complaint, source=name if name in COMMANDS else None) from None
+        raise InputError(complaint, source=name if asked else None) from None
 
 
-def _hide_absent_defaults(command: Any) -> None:
+def _listed(name: str) -> Any:
+    """A command as the list of all has it: its name, and what its class says first, read without importing it."""
+    import tyro
+
+    module, _, kind = COMMANDS[name].partition(":")
+    classes = ast.parse((Path(__file__).parent / f"{module}.py").read_bytes()).body
+    about = next(ast.get_docstring(x) or "" for x in classes if isinstance(x, ast.ClassDef) and x.name == kind)
+    line = " ".join(about.split("\n\n")[0].split())
+    return Annotated[make_dataclass(kind, ()), tyro.conf.subcommand(name, description=line)]
+
+
+def _hide_absent_defaults(kind: Any) -> None:
     """Leave "(default: None)" out of a command's help, and what switches are before they are given.
 
     What happens when an option is absent, its own help says.
     """
     import tyro
 
-    hints = get_type_hints(command, include_extras=True)
+    hints = get_type_hints(kind, include_extras=True)
     quiet = tyro.conf.arg(help_behavior_hint="")
-    for field in fields(command):
+    for field in fields(kind):
         repeatable = "UseAppendAction" in str(field.type) or field.type == "Assignments"
         several = field.default is MISSING and "tuple" in str(field.type)  # of which the parser shows none
         if several or field.default in (None, True, False, "") or (field.default == () and not repeatable):
-            command.__annotations__[field.name] = Annotated[hints[field.name], quiet]
+            kind.__annotations__[field.name] = Annotated[hints[field.name], quiet]
 
 
 def _check_options(name: str, arguments: Sequence[str]) -> None:
     """Refuse an option that the command does not have, before it is taken for another option's value."""
-    command: Any = COMMANDS[name]
-    known = ["--help", *(option_name(f) for f in fields(command)), *ALIASES.get(name, ())]
+    known = ["--help", *(option_name(f) for f in fields(command(name))), *ALIASES.get(name, ())]
     for word in arguments:
         option = option_of(word)
         if word.startswith("--") and len(word) > 2 and option not in known:
@@ -206,9 +199,9 @@ def _check_options(name: str, arguments: Sequence[str]) -> None:
 
 def _missing(name: str, arguments: Sequence[str], complaint: str) -> str:
     """The parser's complaint; where something is missing, all of it, options of which one is needed included."""
-    command = COMMANDS[name]
+    kind = command(name)
     words = [word for word in arguments if not word.startswith("--")]
-    if issubclass(command, GraspOptions) and all(is_number(word) for word in words):
+    if issubclass(kind, GraspOptions) and all(is_number(word) for word in words):
         # where nothing but numbers was given, the parser took the last one for the grasp
         missing = complaint.removeprefix("missing: ") if complaint.startswith("missing: GRASP") else "GRASP"
     elif complaint.startswith("missing: "):
@@ -216,8 +209,8 @@ def _missing(name: str, arguments: Sequence[str], complaint: str) -> str:
     else:
         return complaint
     given = {option_of(word) for word in arguments}
-    if command.one_of and not any(option_of(option) in given for option in command.one_of):
-        missing += f"; {command.needed()}"
+    if kind.one_of and not any(option_of(option) in given for option in kind.one_of):
+        missing += f"; {kind.needed()}"
     about = "; GRASP is a file or the name of a bundled grasp" if missing.startswith("GRASP") else ""
     return f"missing: {missing}{about}"
 

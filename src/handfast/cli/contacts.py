@@ -1,17 +1,28 @@
-"""`handfast contacts`: where a posed hand touches an object, as a grasp file."""
+"""`handfast contacts` and `close`: where a posed hand touches an object, and a hand closed on it as a gripper does."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import UseAppendAction, arg
 
-from handfast.cli import console
+from handfast.cli import console, tables
+from handfast.cli.console import table
 from handfast.cli.options import Assignments, Command, Reported, assigned, check_writable
 from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 from handfast.core.errors import InputError
+from handfast.geometry.contacts import contact_grasp
+from handfast.geometry.scene import Scene
+from handfast.model.configuration import Configuration
+from handfast.model.grasp import Contact
+from handfast.model.hand import Hand
+from handfast.pictures import words, write_report
+from handfast.pictures.scene import scene_meshes
+from handfast.planning.closing import Closed, close
+from handfast.readers.configuration_file import save_configuration
+from handfast.readers.grasp_file import file_dict, save_grasp
 
 
 def torsion_named(text: str) -> float | Literal["hand"]:
@@ -50,10 +61,6 @@ class Contacts(SceneOptions, Reported, Command):
     """print the grasp file on standard output"""
 
     def run(self) -> int:
-        from handfast.cli import tables
-        from handfast.geometry.contacts import contact_grasp
-        from handfast.pictures import words
-        from handfast.readers.grasp_file import file_dict, save_grasp
 
         check_writable(self.output, self.force, (".json",))
         self.check_report()
@@ -77,9 +84,6 @@ class Contacts(SceneOptions, Reported, Command):
         if self.output:
             save_grasp(grasp, self.output, force=self.force)
         if self.report:
-            from handfast.pictures import write_report
-            from handfast.pictures.scene import scene_meshes
-
             meshes = scene_meshes(hand, q, body, placed.pose)
             write_report(self.report, grasp, [], meshes=meshes, force=self.force)
         if self.json:
@@ -95,3 +99,121 @@ class Contacts(SceneOptions, Reported, Command):
         if not self.output:
             out.print("Give -o GRASP.json to keep it as a grasp file.", style="dim")
         return console.ANSWERED
+
+
+@dataclass(kw_only=True)
+class Close(SceneOptions, Reported, Command):
+    """Close a hand joint by joint until every finger touches the object or reaches a limit."""
+
+    pose: Annotated[str, arg(metavar="FILE")]
+    """a handfast/configuration/1 file with the object's pose and the open hand, or a bundled name"""
+    closing: Assignments = ()
+    """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to keep it still"""
+    threshold: Annotated[float, arg(metavar="M")] = 5e-4
+    """surfaces nearer than this touch [m]"""
+    mechanism: Literal["hand", "direct"] = "hand"
+    """of the grasp: the hand's own motors and couplings, or one motor per joint"""
+    preload: Assignments = ()
+    """of the grasp: actuator commands instead of the file's"""
+    output: Annotated[Path | None, arg(metavar="CONFIGURATION.json", aliases=["-o"])] = None
+    """write the closed configuration"""
+    grasp: Annotated[Path | None, arg(metavar="GRASP.json")] = None
+    """write the grasp file"""
+
+    def run(self) -> int:
+
+        check_writable(self.output, self.force, (".json",))
+        check_writable(self.grasp, self.force, (".json",))
+        self.check_report()
+        hand, body = self.load_scene()  # first: a hand that has to be downloaded is told before anything else
+        placed = load_placed(self.pose)
+        hand, q0 = placed.applied(hand)
+        senses = self._closing()
+        hand = hand.with_closing(senses) if senses else hand
+        preload = assigned(self.preload, "--preload") if self.preload else placed.preload
+        if self.mechanism == "hand":  # the other one has a motor for each joint of the grasp
+            hand.mechanism.commands(preload, field="--preload" if self.preload else f"{self.pose}: preload")
+        with console.watch("close"):
+            scene = Scene(hand, body)
+            closed = close(hand, q0, body, placed.pose, threshold=self.threshold, scene=scene)
+        result = Configuration.of(
+            hand,
+            closed.q,
+            placed.pose,
+            hand=self.hand,
+            object=self.object,
+            closing=(placed.closing or {}) | senses or None,
+            preload=preload,
+        )
+        if self.output:
+            save_configuration(result, self.output, force=self.force)
+        if (
+            self.grasp or self.report
+        ):  # without contacts, or with a preload of a finger that touches nothing, this says so
+            grasp = contact_grasp(
+                hand,
+                closed.q,
+                body,
+                placed.pose,
+                preload=preload,
+                threshold=self.threshold,
+                mechanism=self.mechanism,
+                scene=scene,
+            )
+            if self.output:
+                grasp = grasp.from_configuration(self.output)
+            if self.grasp:
+                save_grasp(grasp, self.grasp, force=self.force)
+            if self.report:
+                meshes = scene_meshes(hand, closed.q, body, placed.pose)
+                write_report(self.report, grasp, [], meshes=meshes, force=self.force)
+        if self.json:
+            console.print_json(
+                {
+                    "schema": "handfast/answer/1",
+                    "query": "close",
+                    "configuration": result.model_dump(by_alias=True, exclude_none=True, mode="json"),
+                    "stopped": closed.stopped,
+                    "touching": list(closed.touching),
+                    "penetration": closed.penetration,
+                    "contacts": [contact_entry(c) for c in closed.contacts],
+                }
+            )
+            return console.ANSWERED
+        self._show(hand, closed)
+        if self.grasp:
+            console.out().print(weight_note(body), style="dim")
+        return console.ANSWERED
+
+    def _show(self, hand: Hand, closed: Closed) -> None:
+
+        out = console.out()
+        touching = ", ".join(closed.touching) or "no link"
+        out.print(f"{words.count(len(closed.contacts), 'contact')}; touching: {touching}", style="bold")
+        grid = table("joint", "stopped at", "because")
+        for name, why in closed.stopped.items():
+            j = hand.joint(name)
+            unit = "rad" if hand.joints[j].type == "revolute" else "m"
+            grid.add_row(name, f"{closed.q[j]:.4f} {unit}", why)
+        out.print(grid)
+        if closed.contacts:
+            tables.show_contacts(out, closed.contacts)
+        console.say_written(out, self.output, self.grasp, self.report)
+
+    def _closing(self) -> dict[str, int]:
+        senses = assigned(self.closing, "--closing")
+        for name, sense in senses.items():
+            if sense not in (-1, 0, 1):
+                raise InputError(f"is {sense:g}; -1, 0 or 1 is needed", field=f"--closing {name}")
+        return {name: int(sense) for name, sense in senses.items()}
+
+
+def contact_entry(contact: Contact) -> dict[str, Any]:
+    """A contact as in a grasp file."""
+    return {
+        "position": contact.position.tolist(),
+        "normal": contact.normal.tolist(),
+        "friction": contact.friction,
+        "link": contact.link,
+        "depth": contact.depth,
+    }

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
+from rich.console import Console
+from rich.text import Text
 from tyro.conf import arg
 
 from handfast.cli import console
+from handfast.cli.maps import save_map
 from handfast.cli.options import Command, check_folder, check_writable
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from handfast.model.grasp import Grasp
-    from handfast.pictures import Entry
-    from handfast.pictures.scene import Mesh
+from handfast.cli.scene_options import load_placed
+from handfast.geometry.contacts import contact_grasp
+from handfast.model.grasp import Grasp
+from handfast.pictures import Entry, sentences, words, write_report
+from handfast.pictures.scene import Mesh, scene_meshes
+from handfast.readers.grasp_file import save_grasp
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
+from handfast.stability.answers import check, maximum, torques
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.maps import force_map
 
 HAND, CONFIGURATION = "barrett-bh8-280", "fig1"
 SMALL, LARGE = 2.2, 2.5  # [N] the paper's two disturbances in y, one on each side of the limit
@@ -35,14 +43,6 @@ class Demo(Command):
     """write over files that exist"""
 
     def run(self) -> int:
-        import numpy as np
-
-        from handfast.cli.maps import save_map
-        from handfast.pictures import Entry, sentences, words, write_report
-        from handfast.readers.grasp_file import save_grasp
-        from handfast.stability.answers import check, maximum, torques
-        from handfast.stability.problem.settings import Settings
-        from handfast.stability.studies.maps import force_map
 
         check_folder(self.output)
         for name in FILES:
@@ -89,11 +89,6 @@ def build() -> tuple[Grasp, list[Mesh]]:
 
     One motor per joint, as in the paper: joints without a command, the distal ones, are locked.
     """
-    from handfast.cli.scene_options import load_placed
-    from handfast.geometry.contacts import contact_grasp
-    from handfast.pictures.scene import scene_meshes
-    from handfast.readers.load_body import load_body
-    from handfast.readers.load_hand import load_hand
 
     placed = load_placed(CONFIGURATION)
     hand, q = placed.applied(load_hand(placed.hand or HAND))
@@ -110,6 +105,5 @@ def _resisted(states: list[str]) -> str:
 
 
 def _say(out: Console, what: str, text: str) -> None:
-    from rich.text import Text
 
     out.print(Text.assemble((f"{what:<9}", "bold"), text), soft_wrap=True)

@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
+from rich.console import Console
+from rich.text import Text
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.load_options import SearchFlags
 from handfast.cli.options import Command, load_solvable
 from handfast.cli.scene_options import JointLawOptions, ObjectOptions
+from handfast.cli.synthesize import STYLE, WHY
+from handfast.core.answer import Reach
 from handfast.core.errors import InputError
+from handfast.pictures import words
+from handfast.pictures.words import num
+from handfast.planning.question import Allowed, Requirements, TaskGraspOptions, compared
+from handfast.planning.rejection import Pair, Rejected, RejectionReason, Tally
+from handfast.planning.results.search_file import REASONS
+from handfast.planning.search import Journal
+from handfast.proofs.unbalanced import down
 
 if TYPE_CHECKING:
+    from handfast.planning.no_balance import BalanceSearched
     from handfast.planning.results.grasps import Grasps
 
 
@@ -40,11 +55,8 @@ class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
     """write grasps as they are found: grasps.json for handfast verify, grasp-K.json and configuration-K.json of each"""
 
     def run(self) -> int:
-        from handfast.cli import grasp_tables
         from handfast.planning.grasp_for import grasp_for
-        from handfast.planning.question import Allowed, TaskGraspOptions, compared
         from handfast.planning.results.folder import GraspFolder
-        from handfast.planning.search import Journal
 
         allowed = Allowed(self.depth, self.depth, self.depth)
         options: TaskGraspOptions = self.options(TaskGraspOptions, allowed=allowed)
@@ -60,7 +72,7 @@ class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
         with console.watch("grasp") as watch:
 
             def note(so_far: Grasps) -> None:
-                watch.say(grasp_tables.progress_text(so_far))
+                watch.say(progress_text(so_far))
 
             folder = GraspFolder(self.output, resume=self.resume, on_progress=note) if self.output else None
             journal = folder or Journal(note)
@@ -74,6 +86,191 @@ class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
         if self.json:
             console.print_json(answer.to_json())
         else:
-            grasp_tables.show_grasps(console.out(), answer, written, self.safety)
+            show_grasps(console.out(), answer, written, self.safety)
         enough = len(answer.grasps) >= self.count
         return console.status(answer.verdict, answer.stop) if enough or not answer.grasps else console.UNDECIDED
+
+
+SHOWN_REASONS = 3
+SHORT = {  # reasons in a few words, for a line of progress
+    RejectionReason.PAST: "past the object",
+    RejectionReason.INSIDE: "in the object",
+    RejectionReason.FOLDED: "hand in itself",
+    RejectionReason.MISSES: "would miss",
+    RejectionReason.FEW: "too few fingers",
+    RejectionReason.PENETRATES: "penetrate",
+    RejectionReason.UNBALANCED: "unbalanced",
+    RejectionReason.SLIPS: "slip",
+    RejectionReason.UNDECIDED: "undecided",
+    RejectionReason.STRONG: "need too much",
+}
+
+
+def progress_text(so_far: Grasps) -> str:
+    """Where the search is."""
+    return f"{len(so_far.grasps)} of {so_far.count} found, {words.count(so_far.tally.total, 'start')} judged"
+
+
+def tally_rows(tally: Tally, passed: str, reasons: Sequence[RejectionReason]) -> Iterator[tuple[str, str]]:
+    """What became of candidates, in words, and how many; without what none did."""
+    for what, number in [(passed, tally.passed), *((str(reason), tally[reason]) for reason in reasons)]:
+        if number:
+            yield what, str(number)
+
+
+def starts_text(tally: Tally) -> str:
+    """How many starts there were, and what became of most of them: for a line that is written over and over."""
+    worst = sorted(tally.rejected.items(), key=lambda item: -item[1].count)[:SHOWN_REASONS]
+    parts = [f"{tally.passed} held"] if tally.passed else []
+    for reason, some in worst:
+        pair = _often(some)
+        parts.append(f"{some.count} {SHORT.get(reason, str(reason))}{f' ({pair})' if pair else ''}")
+    return f"{words.count(tally.total, 'start')}: {', '.join(parts)}"
+
+
+def overlaps_text(tally: Tally) -> dict[str, str]:
+    """For each reason that has overlaps: which were seen most often, and the deepest."""
+    out = {}
+    for reason, some in tally.rejected.items():
+        if some.overlaps:
+            deepest = max(some.overlaps, key=lambda pair: some.overlaps[pair][1])
+            text = _often(some, often=True)
+            worst = f"; deepest {_pair(deepest, some)}" if not text.startswith(_names(deepest)) else ""
+            out[str(reason)] = text + worst
+    return out
+
+
+def _often(some: Rejected, often: bool = False) -> str:
+    """The overlap that was seen most often, with its depth and, if asked for, how often; '' if there is none."""
+    if not some.overlaps:
+        return ""
+    pair = max(some.overlaps, key=lambda p: some.overlaps[p][0])
+    return _pair(pair, some) + (f", {some.overlaps[pair][0]} times" if often else "")
+
+
+def _pair(pair: Pair, some: Rejected) -> str:
+    return f"{_names(pair)} {1e3 * some.overlaps[pair][1]:.3g} mm"
+
+
+def _names(pair: Pair) -> str:
+    return f"{pair[0]} in {pair[1]}"
+
+
+def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), times: float = 1.0) -> None:
+    """times: what the loads were multiplied by."""
+    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(answer)))
+    task, body = answer.task, answer.body
+    links = ", ".join(t.link for t in task.contact_pairs)
+    about = f"{task.hand.name} on {body.name}, {words.count(len(task.contact_pairs), 'contact')}: {links}"
+    out.print(f"{task.name}: {about}" if task.name else about, style="dim")
+    safety = "" if times == 1 else f", {times:g} times what is to be held"
+    out.print(loads_text(answer) + safety, style="dim")
+    if answer.grasps:
+        _show_found(out, answer)
+    _show_tally(out, answer)
+    for path in written:
+        out.print(f"Written: {path}", soft_wrap=True)
+
+
+def sentence(answer: Grasps) -> str:
+    """The answer in one sentence."""
+    n, seconds = len(answer.grasps), f"in {num(answer.seconds, 3)} s"
+    if answer.balance and answer.balance.shown:
+        why = no_balance_text(answer.balance, answer.requirements)
+        return f"{why}, wherever in their regions the contacts are. Proved {seconds}."
+    if answer.verdict is Reach.NONE:
+        return f"The hand cannot bring the regions together: every part of the space was discarded {seconds}."
+    if not n:
+        why = WHY.get(answer.stop, "the search came to its end")
+        nothing = "no certified configuration holds" if answer.tally.total else "no configuration was found"
+        line = " Two point contacts hold no torque about the line between them, hence hardly any weight."
+        pinch = line if len(answer.task.contact_pairs) == 2 and answer.tally[RejectionReason.UNBALANCED] else ""
+        return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}.{pinch}"
+    s, loads = "s" if n == 1 else "", words.count(len(answer.loads), "load")
+    which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"
+    short = f" Requirements for {answer.count}: {WHY[answer.stop]}." if n < answer.count and answer.stop in WHY else ""
+    return f"{which}, {seconds}.{short}"
+
+
+def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
+    """Why no contact forces balance the loads."""
+    distance = searched.line_distance
+    if not distance:
+        limit = "" if asked.force_limit is None else f", normal forces up to {num(asked.force_limit)} N"
+        return f"No contact forces balance the loads with a friction of {num(asked.friction)}{limit}"
+    near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance)} mm"
+    return f"Two fingertips have no moment about the line between them, and {near}"
+
+
+def balance_text(searched: BalanceSearched) -> str:
+    """How far the proof has come that no contact forces balance the loads, and what stands in its way."""
+    if searched.balanced is not None:
+        return (
+            "contact forces could balance every load, by statics alone: hand, collisions or friction stand in the way"
+        )
+    share = f"no forces balance the loads at {100 * searched.discarded:.3g} % of the placements of the contacts"
+    if searched.open is None:
+        return share
+    ends = [f"{low:.3g} to {high:.3g}" for low, high in searched.open.tolist()]
+    where = ", ".join(
+        f"contact {k} at s {s}, t {t}" for k, (s, t) in enumerate(zip(ends[::2], ends[1::2], strict=True))
+    )
+    left = f"{searched.pending} boxes"
+    return f"{share}; neither that nor a placement where they do was shown in {left}, of which the largest is {where}"
+
+
+def loads_text(answer: Grasps) -> str:
+    """What is held."""
+    names = answer.loads.names
+    some = ", ".join(names) if len(names) <= 7 else f"{', '.join(names[:5])}, ... {names[-1]}"
+    force = np.linalg.norm(answer.loads.wrenches[:, :3], axis=1)
+    low, high = num(float(force.min())), num(float(force.max()))
+    return f"loads: {some} ({low if low == high else f'{low} to {high}'} N)"
+
+
+def _show_found(out: Console, answer: Grasps) -> None:
+    unit = words.actuator_unit(answer.grasps[0].grasp, answer.grasps[0].grasp.mechanism.actuators[0])
+    heads = (f"command [{unit}]", "at least", "friction margin [%]", "clear [mm]", "from limits [%]", "dexterity [-]")
+    grid = table("#", "score", *heads, "")
+    for k, g in enumerate(answer.grasps, start=1):
+        grid.add_row(
+            str(k),
+            f"{g.score:.2f}",
+            num(g.command, 3),
+            num(g.answer.lower, 3),
+            f"{100 * g.friction_margin:.0f}",
+            f"{1e3 * g.terms['clearance']:.2f}",
+            f"{100 * g.terms['from_limits']:.1f}",
+            num(g.terms["manipulability"], 3),
+            "repaired" if g.repaired else "",
+        )
+    out.print()
+    out.print(grid)
+    best = answer.grasps[0]
+    used = {n: v for n, v in best.grasp.preload.items() if v}
+    squeezed = ", ".join(f"{n} {num(v)}" for n, v in used.items()) or "nothing commanded, the gearing holds"
+    out.print(f"\nCommands of the best [{unit}]: {squeezed}; every other actuator is locked.", soft_wrap=True)
+    if any(g.fragile for g in answer.grasps):
+        line = "two point contacts have no moment about the line between them, and the load has none only exactly there"
+        out.print(f"Fragile: {line}.", soft_wrap=True)
+    worst = max(a.witness.residuals.worst for g in answer.grasps for a in g.answer.checks if a.witness)
+    out.print(
+        f"Existence proved by the Krawczyk test, every load by an equilibrium of equations (1) to (8), residual "
+        f"{worst:.1e} at most. Clearances are measured on convex pieces.",
+        style="dim",
+    )
+
+
+def _show_tally(out: Console, answer: Grasps) -> None:
+    if answer.unproved or answer.tally.total:
+        grid = table("what became of the starts", "")
+        for what, number in tally_rows(answer.tally, "holds", REASONS):
+            grid.add_row(what, number)
+        if answer.unproved:
+            grid.add_row("could not be certified", str(answer.unproved))
+        out.print()
+        out.print(grid)
+        looked = f"{answer.evaluated} certified configurations judged, steps included"
+        out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
+    if answer.balance and answer.verdict is Reach.UNDECIDED:
+        out.print(balance_text(answer.balance), style="dim")

@@ -1,24 +1,34 @@
-"""`handfast hold`: one preload under which all loads are resisted."""
+"""`handfast hold`: one preload under which all loads are resisted; of one grasp, or of each of many."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
+from rich.console import Console
+from rich.text import Text
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.load_options import Disturbances
 from handfast.cli.options import QueryOptions, Saved, WorkOptions, check_folder
+from handfast.cli.tables import STYLE
+from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.cli.hold_tables import HeldGrasp
-    from handfast.datasets.dataset_rows import DatasetRow
-    from handfast.model.grasp import Grasp
-    from handfast.stability.problem.settings import Settings
-    from handfast.stability.studies.hold import HoldAnswer
+from handfast.core.parallel import default_jobs, workers_of
+from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, grasp_of_text
+from handfast.datasets.open_dataset import open_dataset
+from handfast.model.grasp import Grasp
+from handfast.pictures import Entry, words
+from handfast.pictures.sentences import command_text, hold_sentence
+from handfast.pictures.words import num
+from handfast.stability.answers import MaxAnswer
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.hold import HoldAnswer, hold
 
 LITTLE = 1.01  # margin: no more than the smallest preload leaves
 TOGETHER = (".jsonl", ".ndjson")  # files of many grasps
@@ -64,7 +74,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         return self._all(where) if where.is_dir() or where.suffix.lower() in TOGETHER else self._one()
 
     def _one(self) -> int:
-        from handfast.cli import hold_tables
 
         if self.scheduler:
             raise InputError("is for a folder of grasps; one is asked about", field="--scheduler")
@@ -78,7 +87,7 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         if self.json:
             console.print_json(answer.to_json())
         else:
-            hold_tables.show_hold(console.out(), grasp, answer, self.eta, self._why(answer))
+            show_hold(console.out(), grasp, answer, self.eta, self._why(answer))
             if answer.margin is not None and answer.margin < LITTLE and self.safety == 1 and answer.upper > 0:
                 console.out().print("The smallest preload leaves its hardest load no more; --safety 1.5 asks for 1.5.")
             if answer.margins and self.safety != 1:
@@ -89,14 +98,12 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         return status(answer)
 
     def _asked(self, grasp: Grasp, source: str, options: dict[str, Any]) -> HoldAnswer:
-        from handfast.stability.studies.hold import hold
 
         loads = self.disturbances(grasp, source).scaled(self.safety)
         asked: dict[str, Any] = {"least": self.least, "margins": self.margin, "command_limit": self.command_limit}
         return hold(grasp, loads, timeout=self.timeout, **asked, **options)
 
     def _report(self, grasp: Grasp, answer: HoldAnswer, options: dict[str, Any]) -> None:
-        from handfast.pictures import Entry
 
         if answer.preload is None:
             raise InputError("shows loads under a preload, and none was found", field="--report")
@@ -106,7 +113,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
 
     def _why(self, answer: HoldAnswer) -> str:
         """Why an answer is not complete, and what helps; '' if it is."""
-        from handfast.core.answer import Stop, Verdict
 
         stops = {answer.stop, *(a.stop for a in answer.margins.values())}
         if Stop.INTERRUPTED in stops:
@@ -125,9 +131,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
     # --- of several grasps
 
     def _all(self, where: Path) -> int:
-        from handfast.cli import hold_tables
-        from handfast.core.parallel import default_jobs, workers_of
-        from handfast.datasets.open_dataset import open_dataset
 
         if self.report:
             raise InputError("is a page about one grasp; several are asked about", field="--report")
@@ -135,7 +138,7 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         check_folder(self.save)
         if self.save and self.save.exists() and any(self.save.iterdir()) and not self.force:
             raise InputError("is not empty; give --force to write over files in it", source=str(self.save))
-        dataset, rows = open_dataset(where), list[hold_tables.HeldGrasp]()
+        dataset, rows = open_dataset(where), list[HeldGrasp]()
         items = (dataset.row(k, item) for k, item in enumerate(dataset.items()))
         jobs = min(self.jobs or default_jobs(), dataset.count)
         with console.watch("hold") as watch, workers_of(self, jobs, self.scheduler) as pool:
@@ -150,7 +153,7 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         if self.json:
             console.print_json({"schema": "handfast/answers/1", "query": "hold", "rows": [r.to_json() for r in rows]})
         else:
-            hold_tables.show_holds(console.out(), rows)
+            show_holds(console.out(), rows)
             console.say_written(console.out(), self.save)
         if rows and not any(row.answer for row in rows):
             return console.BAD_INPUT
@@ -159,8 +162,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
 
     def held(self, row: DatasetRow) -> HeldGrasp:
         """What is known of a row; a fault in it is its reason."""
-        from handfast.cli.hold_tables import HeldGrasp
-        from handfast.datasets.dataset_rows import FaultyRow, GraspChanges, grasp_of_text
 
         options = replace(self, save=None).options()  # its folder was looked at before
         try:
@@ -183,3 +184,95 @@ def status(answer: HoldAnswer) -> int:
     """Exit status of an answer; margins that a limit left open count."""
     open_ = [console.status(answer.verdict, a.stop) for a in answer.margins.values()]
     return max(console.status(answer.verdict, answer.stop), *open_, 0)
+
+
+CUT = Stop.TIME, Stop.NODES, Stop.INTERRUPTED  # limits that ended a search
+
+
+@dataclass(frozen=True, eq=False)
+class HeldGrasp:
+    """What is known of one grasp of several: an answer, or why there is none."""
+
+    name: str
+    answer: HoldAnswer | None
+    reason: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        said = None if self.answer is None else self.answer.to_json()
+        return {"name": self.name, "answer": said, "reason": self.reason or None}
+
+
+def show_hold(out: Console, grasp: Grasp, answer: HoldAnswer, eta: float, why: str) -> None:
+    """Verdict, preload, loads.
+
+    Args:
+        eta: how far normals may be off [degrees].
+        why: the answer is not complete; '' if it is.
+    """
+    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", hold_sentence(answer)))
+    off = f"; normals off by up to {num(eta)}°" if eta else ""
+    out.print(f"{grasp.name}: {words.grasp_text(grasp)}{off}", style="dim")
+    if why:
+        out.print(why, style="yellow")
+    out.print(f"{words.count(answer.nodes, 'node')}, {num(answer.seconds, 2)} s", style="dim")
+    if answer.preload:
+        grid = table("actuator", "command")
+        for name, value in answer.preload.items():
+            grid.add_row(name, f"{num(value)} {words.actuator_unit(grasp, name)}" if value else "locked")
+        out.print()
+        out.print(grid)
+    if answer.checks:
+        grid = table("load", "", "shown by", *(["margin"] if answer.margins else []))
+        for name, wrench, a in zip(answer.loads.names, answer.loads.wrenches, answer.checks, strict=True):
+            shown = "an exact state" if a.exact else "a state to 1e-9"
+            more = [margin_text(answer.margins.get(name))] if answer.margins else []
+            grid.add_row(name, words.load_text(wrench), shown, *more)
+        out.print()
+        out.print(grid)
+    if answer.margin is not None:
+        out.print(conclusion(answer))
+
+
+def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:
+    """A line for each grasp; below it, why some have no answer."""
+    answers = [row.answer for row in rows if row.answer]
+    counts = [(v, sum(a.verdict is v for a in answers)) for v in Verdict]
+    said = ", ".join(f"{n} {v}" for v, n in counts if n) or "none asked"
+    broken = len(rows) - len(answers)
+    out.print(f"{words.count(len(rows), 'grasp')}: {said}{f', {broken} broken' if broken else ''}", style="bold")
+    grid = table("#", "grasp", "", "largest command", "hardest load", "margin", "exact", "seconds")
+    for k, row in enumerate(rows):
+        a = row.answer
+        if a is None:
+            grid.add_row(str(k), row.name, Text("BROKEN", style="bold red"), *["–"] * 5)
+            continue
+        exact = "–" if a.exact is None else "yes" if a.exact else "to 1e-9"
+        cut = f", {a.stop}" if a.stop in CUT else ""
+        verdict = Text(a.verdict.upper() + cut, style=STYLE[a.verdict])
+        hardest = a.refuted[0] if a.refuted else a.hardest or "–"
+        margin = "–" if a.margin is None else "any size" if np.isinf(a.margin) else num(a.margin)
+        margin += " or more" * any(m.stop in CUT for m in a.margins.values())
+        grid.add_row(str(k), row.name, verdict, command_text(a), hardest, margin, exact, num(a.seconds, 2))
+    out.print()
+    out.print(grid)
+    for k, row in enumerate(rows):
+        if row.reason:
+            out.print(f"{k}: {row.reason}", style="yellow", soft_wrap=True)
+
+
+def margin_text(a: MaxAnswer | None) -> str:
+    """'1.25', with the bound above it where they are apart."""
+    if a is None or a.unbounded:
+        return "any size"
+    lower = num(max(a.lower, 1.0))
+    if not np.isfinite(a.upper):
+        return f"{lower} or more"
+    upper = num(max(a.upper, 1.0))
+    return lower if lower == upper else f"{lower} to {upper}"
+
+
+def conclusion(answer: HoldAnswer) -> str:
+    """The least margin in words."""
+    if answer.margin is None or np.isinf(answer.margin):
+        return "Each load is resisted at any size under this preload."
+    return f"Margin {num(answer.margin)}: each load alone is resisted so many times; {answer.weakest} has the least."

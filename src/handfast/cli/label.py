@@ -6,21 +6,23 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, WorkOptions, assigned
 from handfast.cli.scene_options import JointLawOptions
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.datasets.dataset_rows import GraspChanges
-    from handfast.datasets.labels.label_dataset import LabelProgress
-    from handfast.datasets.labels.label_summary import LabelSummary
-    from handfast.datasets.labels.labeller import Labelling
-    from handfast.datasets.scene_source import SceneSource
+from handfast.core.files import write_bytes, write_text
+from handfast.datasets.dataset_rows import GraspChanges
+from handfast.datasets.labels.label_dataset import LabelProgress, label_dataset
+from handfast.datasets.labels.label_summary import LabelSummary
+from handfast.datasets.labels.labeller import AXES, Labelling
+from handfast.datasets.scene_source import SceneSource
+from handfast.model.hand.joint_law import laws_named
+from handfast.pictures.words import count
 
 SUMMARY, PICTURE = ".summary.json", ".summary.png"
 HELD_BY = {  # a word of the column: what it says
@@ -95,7 +97,6 @@ class Label(JointLawOptions, WorkOptions, Command):
             return console.UNDECIDED
 
     def _run(self) -> int:
-        from handfast.datasets.labels.label_dataset import label_dataset
         from handfast.pictures.drawing import picture
         from handfast.pictures.label_picture import draw_labels
 
@@ -131,7 +132,6 @@ class Label(JointLawOptions, WorkOptions, Command):
                 on_progress=shown,
                 **workers,
             )
-        from handfast.core.files import write_bytes, write_text
 
         said = {"schema": "handfast/label-summary/1", "table": self.output.name} | summary.to_json()
         write_text(beside[0], json.dumps(said, indent=1, allow_nan=False) + "\n", force=True)
@@ -143,7 +143,6 @@ class Label(JointLawOptions, WorkOptions, Command):
         return console.ANSWERED if summary.labelled else console.BAD_INPUT
 
     def _labelling(self) -> Labelling:
-        from handfast.datasets.labels.labeller import AXES, Labelling
 
         pulls: list[Any] = []
         for g in self.gravity:
@@ -159,15 +158,12 @@ class Label(JointLawOptions, WorkOptions, Command):
         )
 
     def _changes(self) -> GraspChanges:
-        from handfast.datasets.dataset_rows import GraspChanges
 
         preload = assigned(self.preload, "--preload") if self.preload else None
         place: Any = tuple(self.center_of_mass) or None
         return GraspChanges(self.mass, place, self.friction, preload)
 
     def _scene(self) -> SceneSource | None:
-        from handfast.datasets.scene_source import SceneSource
-        from handfast.model.hand.joint_law import laws_named
 
         laws_named(self.joint_laws, "--joint-laws")
         if bool(self.hand) != bool(self.object):
@@ -182,8 +178,6 @@ class Label(JointLawOptions, WorkOptions, Command):
         return SceneSource.of(self.hand, self.object, **how, **laws)
 
     def _show(self, summary: LabelSummary, files: list[Path]) -> None:
-        from handfast.cli.console import table
-        from handfast.pictures.words import count
 
         out = console.out()
         out.print(

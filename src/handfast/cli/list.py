@@ -5,9 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from rich.box import SIMPLE
+from rich.table import Table
+from rich.text import Text
+
 from handfast.cli import console
 from handfast.cli.options import Command
 from handfast.core import bundled
+from handfast.model.hand.structures import TABLE_1
+from handfast.readers.load_hand import TABLE_1_PREFIX
 
 HANDS = {
     "barrett-bh8-280": "Barrett BH8-280: three fingers, worm-coupled distal joints at 1/3, spread",
@@ -38,9 +44,6 @@ class List(Command):
         if self.json:
             console.print_json({"schema": "handfast/list/1", **found})
             return console.ANSWERED
-        from rich.box import SIMPLE
-        from rich.table import Table
-        from rich.text import Text
 
         out = console.out()
         uses = {
@@ -62,8 +65,6 @@ class List(Command):
 
 def table_1() -> dict[str, str]:
     """The hands of the synthesis paper's Table 1, which are built and have no files."""
-    from handfast.model.hand.structures import TABLE_1
-    from handfast.readers.load_hand import TABLE_1_PREFIX
 
     return {
         TABLE_1_PREFIX + name: f"{design.title}: {design.dof} motors, nominal dimensions"

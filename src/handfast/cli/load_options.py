@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from tyro.conf import UseAppendAction, arg
 
 from handfast.cli.options import (
@@ -23,12 +24,12 @@ from handfast.cli.options import (
 )
 from handfast.cli.scene_options import SOLID, LinkPairs
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.model.body import Body
-    from handfast.model.grasp import Grasp
-    from handfast.planning.question import SearchOptions
-    from handfast.stability.problem.loads import Loads
+from handfast.model.body import Body
+from handfast.model.grasp import Grasp
+from handfast.pictures.words import num, place_text
+from handfast.planning.question import PlanLimits, SearchOptions
+from handfast.stability.problem.loads import AXES, Loads, load_loads
+from handfast.stability.problem.scaled_problem import as_wrench
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
@@ -58,7 +59,6 @@ class WeightOptions(Command):
 
     def weight_text(self, grasp: Grasp) -> str:
         """What was weighed: 'Weight of 0.3 kg at (0, 0, 10) mm: mass and centre of mass as the grasp file says'."""
-        from handfast.pictures.words import num, place_text
 
         heavy = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass or None)
         if heavy.mass is None or heavy.center_of_mass is None:
@@ -133,10 +133,6 @@ class Disturbances(WeightOptions):
 
     def disturbances(self, grasp: Grasp, source: str) -> Loads:
         """What was asked about, by name."""
-        import numpy as np
-
-        from handfast.stability.problem.loads import AXES, Loads, load_loads
-        from handfast.stability.problem.scaled_problem import as_wrench
 
         self.check_given()
         named: list[tuple[str, Sequence[float]]] = []
@@ -190,9 +186,6 @@ class LoadsOptions:
 
     def asked(self, body: Body) -> Loads:
         """All the loads that were asked for, without the factor of safety."""
-        import numpy as np
-
-        from handfast.stability.problem.loads import Loads, load_loads
 
         up = self.up or ("z" if self.tilt else None)
         found: list[Loads] = []
@@ -241,9 +234,6 @@ class SearchFlags(LoadsOptions, WorkOptions, Reported):
 
     def options(self, kind: type[SearchOptions], **more: Any) -> Any:
         """The options of the API, of a kind: by their names, `more` where these are others on the command line."""
-        import numpy as np
-
-        from handfast.planning.question import PlanLimits
 
         self.check_report()
         limits = PlanLimits(

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import numpy as np
 from tyro.conf import UseAppendAction, arg
 
-from handfast.cli import console
+from handfast.cli import console, tables
 from handfast.cli.load_options import WeightOptions
 from handfast.cli.options import Command, QueryOptions, Triple, Wrench, check_writable, write_as
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.stability.studies.maps import MapAnswer, SweepAnswer
+from handfast.pictures import Entry
+from handfast.stability.studies.maps import MapAnswer, SweepAnswer, force_map, sweep
 
 ENDINGS = (".png", ".svg", ".csv", ".json")
 
@@ -43,9 +43,6 @@ class Map(QueryOptions, Command):
     """weight of the object [N], a circle in the picture: red where the grasp resists less"""
 
     def run(self) -> int:
-        from handfast.cli import tables
-        from handfast.pictures import Entry
-        from handfast.stability.studies.maps import force_map
 
         grasp, options = self.load(), self.options()
         check_writable(self.output, self.force, ENDINGS)
@@ -127,11 +124,6 @@ class Sweep(QueryOptions, WeightOptions):
     """picture (.png, .svg) or numbers (.csv, .json)"""
 
     def run(self) -> int:
-        import numpy as np
-
-        from handfast.cli import tables
-        from handfast.pictures import Entry
-        from handfast.stability.studies.maps import sweep
 
         grasp, options = self.load(), self.options()
         self.check_one(self.direction, self.gravity)

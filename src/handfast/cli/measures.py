@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+from rich.console import Console
 from tyro.conf import arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.options import (
     Assignments,
     Command,
@@ -20,11 +22,11 @@ from handfast.cli.options import (
     write_as,
 )
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from handfast.measures.measuring import MeasuredValue, Measures
+from handfast.measures.measuring import MeasuredValue, Measures, measure
+from handfast.measures.passive import GAP
+from handfast.pictures import words
+from handfast.pictures.words import num
+from handfast.stability.problem.settings import Settings
 
 ENDINGS = (".png", ".svg", ".csv", ".json")
 
@@ -56,9 +58,6 @@ class MeasureGrasp(GraspOptions, Reported, Command):
     """picture (.png, .svg) or numbers (.csv, .json)"""
 
     def run(self) -> int:
-        from handfast.measures.measuring import measure
-        from handfast.measures.passive import GAP
-        from handfast.stability.problem.settings import Settings
 
         check_writable(self.output, self.force, ENDINGS)
         self.check_report()
@@ -121,9 +120,6 @@ def _cell(value: Any) -> str:
 
 def show(out: Console, found: Measures, *written: Path | None) -> None:
     """The table."""
-    from handfast.cli.console import table
-    from handfast.pictures import words
-    from handfast.pictures.words import num
 
     grasp = found.grasp
     out.print(f"{grasp.name}: {words.grasp_text(grasp)}; preload {words.preload_text(grasp)}")
@@ -146,7 +142,6 @@ def show(out: Console, found: Measures, *written: Path | None) -> None:
 
 def value_text(v: MeasuredValue) -> str:
     """A value with its unit."""
-    from handfast.pictures.words import num
 
     if v.value is None:
         return "–"

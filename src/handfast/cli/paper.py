@@ -6,16 +6,24 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.options import Assignments, Command, Wrench, assigned, check_writable
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.files import write_bytes, write_text
+from handfast.papers.algorithm1 import RefinementSettings
+from handfast.papers.exhibit import Exhibit, MakingOptions, TextTable
+from handfast.papers.exhibits import EXHIBITS, make
+from handfast.papers.mixed_integer_solvers import available
+from handfast.stability.problem.grasp_limits import GraspLimits
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from handfast.papers.exhibit import Exhibit, MakingOptions, TextTable
     from handfast.papers.methods import MethodOptions
 
 PICTURES, TABLES = (".svg", ".png"), (".md",)
@@ -93,7 +101,6 @@ class Paper(Command):
     """for box-shrinking: shrink all variables of (29), or the original ones alone"""
 
     def run(self) -> int:
-        from handfast.papers.exhibits import EXHIBITS
         from handfast.papers.methods import METHODS
 
         if not self.what:
@@ -124,7 +131,6 @@ class Paper(Command):
                 raise InputError(f"asks in all directions of a plane; leave out {option}", field="--plane")
 
     def _list(self) -> int:
-        from handfast.papers.exhibits import EXHIBITS
         from handfast.papers.methods import METHODS
 
         if self.json:
@@ -143,9 +149,6 @@ class Paper(Command):
         return console.ANSWERED
 
     def _exhibit(self) -> int:
-        from handfast.core.files import write_bytes, write_text
-        from handfast.papers.exhibit import TextTable
-        from handfast.papers.exhibits import EXHIBITS, make
 
         is_table = "table" in self.what
         file = self.output or (None if is_table else Path(f"{self.what}.svg"))
@@ -171,7 +174,6 @@ class Paper(Command):
         return console.ANSWERED
 
     def _effort(self) -> MakingOptions:
-        from handfast.papers.exhibit import MakingOptions
 
         steps, count = self.steps, self.count
         if self.quick:
@@ -202,13 +204,9 @@ class Paper(Command):
         return console.UNDECIDED if answer.undecided else console.ANSWERED
 
     def _asked(self) -> MethodOptions:
-        import numpy as np
 
-        from handfast.papers.algorithm1 import RefinementSettings
         from handfast.papers.box_shrinking import Over
         from handfast.papers.methods import MethodOptions
-        from handfast.papers.mixed_integer_solvers import available
-        from handfast.stability.problem.grasp_limits import GraspLimits
 
         torques = assigned(self.torque_limit, "--torque-limit")
         limits = GraspLimits(float(np.radians(self.eta)), torques, self.force_limit)
@@ -238,8 +236,6 @@ def _effort(exhibit: Exhibit) -> str:
 
 
 def _grid(out: Console, rows: list[tuple[str, str, str]]) -> None:
-    from rich.box import SIMPLE
-    from rich.table import Table
 
     grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
     for name, title, effort in rows:
@@ -252,7 +248,6 @@ def _records(made: TextTable) -> list[dict[str, str]]:
 
 
 def _print(out: Console, made: TextTable) -> None:
-    from handfast.cli.console import table
 
     grid = table(*made.heads)
     for row in made.rows:

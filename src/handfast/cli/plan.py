@@ -5,24 +5,31 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
+from handfast.cli.grasp import overlaps_text, starts_text, tally_rows
 from handfast.cli.load_options import SearchFlags
 from handfast.cli.options import Assignments, Command, Triple, assigned
 from handfast.cli.scene_options import SceneOptions
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.model.body import Body
-    from handfast.planning.filters.surroundings import Surroundings
-    from handfast.planning.question import PlanOptions
-    from handfast.planning.results.plan import Plan
-    from handfast.stability.problem.loads import Loads
+from handfast.model.body import Body
+from handfast.pictures import words
+from handfast.planning.candidates.palm_poses import Sampling
+from handfast.planning.evaluation.attempt import REASONS
+from handfast.planning.evaluation.quality import largest_command
+from handfast.planning.filters.surroundings import TRAVEL, Surroundings
+from handfast.planning.plan_grasps import plan
+from handfast.planning.question import PlanOptions, compared
+from handfast.planning.results.plan import Plan
+from handfast.planning.search import Journal
+from handfast.readers.load_body import load_body
+from handfast.stability.problem.loads import Loads
 
 
 @dataclass(kw_only=True)
@@ -62,8 +69,6 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
     """write a configuration and a grasp file for each grasp as it is found, and plan.json"""
 
     def run(self) -> int:
-        from handfast.planning.candidates.palm_poses import Sampling
-        from handfast.planning.question import PlanOptions
         from handfast.planning.results.folder import PlanFolder
 
         names = [self.object, *self.others]
@@ -107,11 +112,7 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
 
     def plan(self, options: PlanOptions) -> tuple[int, dict[str, Any]]:
         """The exit status, and what is said of one object."""
-        from handfast.cli.grasp_tables import starts_text
-        from handfast.planning.plan_grasps import plan
-        from handfast.planning.question import compared
         from handfast.planning.results.folder import PlanFolder
-        from handfast.planning.search import Journal
 
         hand, body = self.load_scene()
         senses = {name: int(s) for name, s in self._senses().items()}
@@ -140,8 +141,6 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
 
     def _surroundings(self) -> Surroundings | None:
         """What the object stands on and what is around it; None if nothing was said of that."""
-        from handfast.planning.filters.surroundings import TRAVEL, Surroundings
-        from handfast.readers.load_body import load_body
 
         if not (self.support or self.obstacle or self.travel is not None):
             return None
@@ -163,11 +162,6 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         return self.asked(body)
 
     def _show(self, planned: Plan) -> None:
-        from handfast.cli.console import table
-        from handfast.cli.grasp_tables import overlaps_text, tally_rows
-        from handfast.pictures import words
-        from handfast.planning.evaluation.attempt import REASONS
-        from handfast.planning.evaluation.quality import largest_command
 
         out = console.out()
         found = f"{planned.body.name}: {words.count(len(planned.grasps), 'grasp')}"

@@ -9,8 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.options import Command, Reported, check_folder, check_writable
 from handfast.cli.scene_options import ObjectOptions
+from handfast.core import bundled
+from handfast.planning.question import compared
+from handfast.readers.body_file import save_body_copy
+from handfast.readers.load_hand import load_hand
+from handfast.readers.region_file import load_hand_regions
 
 if TYPE_CHECKING:
     from handfast.planning.propose_tasks import Proposals
@@ -46,12 +52,7 @@ class Propose(ObjectOptions, Reported, Command):
     """write one handfast/task/1 file for each proposal, for handfast synthesize and handfast grasp"""
 
     def run(self) -> int:
-        from handfast.core import bundled
         from handfast.planning.propose_tasks import ProposeOptions, propose
-        from handfast.planning.question import compared
-        from handfast.readers.body_file import save_body_copy
-        from handfast.readers.load_hand import load_hand
-        from handfast.readers.region_file import load_hand_regions
 
         check_folder(self.output)
         self.check_report()
@@ -91,7 +92,6 @@ class Propose(ObjectOptions, Reported, Command):
         return self.output / f"{name}.body.json"
 
     def _show(self, found: Proposals, written: list[Path]) -> None:
-        from handfast.cli.console import table
 
         out = console.out()
         clear = sum(p.clear for p in found.proposals)

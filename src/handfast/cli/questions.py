@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from handfast.cli import console
+from handfast.cli import console, tables
+from handfast.cli.console import Watch
 from handfast.cli.load_options import Direction, Disturbances, Load
 from handfast.cli.options import FrictionModel, LoadingOrder, QueryOptions, Saved, Wrench
+from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.cli.console import Watch
-    from handfast.core.arrays import Array
-    from handfast.model.grasp import Grasp
-    from handfast.stability.answers import CheckAnswer
-    from handfast.stability.problem.loads import Loads
+from handfast.model.grasp import Grasp
+from handfast.pictures import Entry
+from handfast.pictures.words import direction_text, load_text, num
+from handfast.stability.answers import CheckAnswer, check, maximum, torques
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.margin_search import RUBBER_PAD, margin
 
 
 @dataclass(kw_only=True)
@@ -30,7 +34,6 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
     """contact stiffness for --margin [N/m]; by default that of a rubber fingertip pad, 10000"""
 
     def run(self) -> int:
-        from handfast.cli import tables
 
         if self.stiffness is not None and not self.margin:
             raise InputError("--stiffness is for --margin; give both")
@@ -59,8 +62,6 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
         return max(console.status(a.verdict, a.margin.stop if a.margin else a.stop) for a in answers)
 
     def _asked(self, grasp: Grasp, wrench: Array, options: dict[str, Any], watch: Watch) -> CheckAnswer:
-        from handfast.stability.answers import check
-        from handfast.stability.studies.margin_search import RUBBER_PAD, margin
 
         answer = check(grasp, wrench, mdp=self.mdp, loading=self.loading, on_progress=watch.step, **options)
         if not self.margin:
@@ -70,8 +71,6 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
         return replace(answer, margin=margin(grasp, wrench, **asked))
 
     def _report(self, grasp: Grasp, loads: Loads, answers: list[CheckAnswer], options: dict[str, Any]) -> None:
-        from handfast.pictures import Entry
-        from handfast.pictures.words import load_text
 
         named = zip(loads.names, loads.wrenches, answers, strict=True)
         many = len(loads) > 1
@@ -87,11 +86,6 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
         self.write_report(grasp, entries, options)
 
     def _show(self, grasp: Grasp, wrench: Array, answer: CheckAnswer, options: dict[str, Any]) -> None:
-        from handfast.cli import tables
-        from handfast.core.answer import Verdict
-        from handfast.stability.answers import check, maximum
-        from handfast.stability.problem.grasp_limits import GraspLimits
-        from handfast.stability.problem.settings import Settings
 
         tables.show_check(console.out(), grasp, wrench.tolist(), answer, self)
         if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench) and answer.path is None:
@@ -117,10 +111,6 @@ class Max(Direction, QueryOptions, Saved, LoadingOrder, FrictionModel):
     """show up to which magnitude everything is resisted, and where there are holes"""
 
     def run(self) -> int:
-        from handfast.cli import tables
-        from handfast.pictures import Entry
-        from handfast.pictures.words import direction_text, load_text, num
-        from handfast.stability.answers import maximum
 
         grasp, options = self.load(), self.options()
         direction = self.along(grasp, self.grasp)
@@ -155,10 +145,6 @@ class Torques(Load, QueryOptions, Saved):
     """make the largest command small, or the sum of all"""
 
     def run(self) -> int:
-        from handfast.cli import tables
-        from handfast.pictures import Entry
-        from handfast.pictures.words import load_text
-        from handfast.stability.answers import torques
 
         grasp, options = self.load(), self.options()
         wrench = self.disturbance(grasp, self.grasp)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
 from tyro.conf import arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.load_options import Direction
 from handfast.cli.options import GraspOptions, Reported, Wrench, check_writable, write_as
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.stability.studies.sampled_maximum import Perturbation, SampledMaximum
+from handfast.pictures import Entry
+from handfast.pictures.words import direction_text, magnitude, num
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.sampled_maximum import Perturbation, SampledMaximum, sampled_maximum
 
 
 @dataclass(kw_only=True)
@@ -45,8 +48,6 @@ class Robust(Direction, GraspOptions, Reported):
     """picture (.png, .svg) or numbers (.json)"""
 
     def run(self) -> int:
-        from handfast.stability.problem.settings import Settings
-        from handfast.stability.studies.sampled_maximum import sampled_maximum
 
         check_writable(self.output, self.force, (".png", ".svg", ".json"))
         self.check_report()
@@ -69,9 +70,7 @@ class Robust(Direction, GraspOptions, Reported):
         return console.status(found.nominal.verdict, found.stop)
 
     def _report(self, found: SampledMaximum) -> None:
-        from handfast.pictures import Entry
         from handfast.pictures.sampled_picture import bounds_text, conclusion, draw_sampled
-        from handfast.pictures.words import direction_text
 
         direction = found.direction.tolist()
         entry = Entry(
@@ -82,9 +81,6 @@ class Robust(Direction, GraspOptions, Reported):
         self.write_page(found.grasp, [entry], notes=notes, gallery=[picture])
 
     def _bounds(self) -> Perturbation:
-        import numpy as np
-
-        from handfast.stability.studies.sampled_maximum import Perturbation
 
         for name in ("positions", "normals", "frictions", "commands"):
             value = getattr(self, name)
@@ -113,9 +109,7 @@ def save(found: SampledMaximum, path: Path, *, force: bool = False) -> None:
 
 def show_sampled(found: SampledMaximum) -> None:
     """The spread in words and a table."""
-    from handfast.cli.console import table
     from handfast.pictures.sampled_picture import bound_text, bounds_text, conclusion
-    from handfast.pictures.words import direction_text, magnitude, num
 
     out = console.out()
     factor, unit = magnitude(found.direction)

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli.options import Numbers, Triple
 from handfast.core import bundled
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.model.body import Body
-    from handfast.model.configuration import Configuration
-    from handfast.model.hand import Hand
+from handfast.model.body import Body
+from handfast.model.configuration import Configuration
+from handfast.model.hand import Hand
+from handfast.model.hand.joint_law import laws_named
+from handfast.pictures.words import num, place_text
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
+from handfast.readers.registry import MESHES, ending
 
 LinkPairs = UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")], ...]]
 
@@ -36,7 +40,6 @@ class JointLawOptions:
 
     def lawful(self, hand: Hand) -> Hand:
         """A hand as these options want it."""
-        from handfast.model.hand.joint_law import laws_named
 
         laws_named(self.joint_laws, "--joint-laws")
         try:
@@ -79,8 +82,6 @@ class SceneOptions(JointLawOptions, ObjectOptions):
 
     def load_scene(self) -> tuple[Hand, Body]:
         """Hand and object."""
-        from handfast.readers.load_hand import load_hand
-        from handfast.readers.registry import MESHES, ending
 
         if ending(Path(self.hand)) in (".json", *MESHES):
             raise InputError("is an object; the hand comes first, then the object", source=self.hand)
@@ -93,7 +94,6 @@ class SceneOptions(JointLawOptions, ObjectOptions):
 
 def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **about: Any) -> Body:
     """The object that a command names; `InputError` for a scale that its file would not take."""
-    from handfast.readers.load_body import load_body
 
     file = bundled.resolve("objects", name)
     if scale != 1 and file.lower().endswith(".json"):
@@ -103,7 +103,6 @@ def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **abou
 
 def weight_note(body: Body) -> str:
     """What a grasp file says of the object's weight, for people."""
-    from handfast.pictures.words import num, place_text
 
     if body.mass is None:
         return "Its mass is unknown; give --mass KG, here or when its weight is asked about."
@@ -112,6 +111,5 @@ def weight_note(body: Body) -> str:
 
 def load_placed(path: str) -> Configuration:
     """A configuration by path or bundled name."""
-    from handfast.readers.configuration_file import load_configuration
 
     return load_configuration(bundled.resolve("configurations", path))

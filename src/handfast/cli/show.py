@@ -5,16 +5,20 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.options import Command, Printed, check_writable
+from handfast.cli.scene_options import load_object, load_placed
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.pictures.hand_facts import ShownHand
+from handfast.pictures import hand_rows
+from handfast.pictures.hand_facts import ShownHand, facts_of, shown_hand, to_json
+from handfast.pictures.words import USUAL
+from handfast.readers.load_hand import load_hand
+from handfast.readers.region_file import load_hand_regions
 
 MANY = 30  # pairs of links that are listed
 
@@ -40,9 +44,6 @@ class Show(Printed, Command):
     """a self-contained page with a slider for each joint (.html), or a still picture (.png, .svg)"""
 
     def run(self) -> int:
-        from handfast.cli.scene_options import load_object, load_placed
-        from handfast.readers.load_hand import load_hand
-        from handfast.readers.region_file import load_hand_regions
 
         check_writable(self.output, self.force, (".html", ".htm", ".png", ".svg"))
         hand, q, pose = load_hand(self.hand), None, None
@@ -56,8 +57,6 @@ class Show(Printed, Command):
         elif self.scale != 1:
             raise InputError("is for the meshes of an object; give one, or leave it out", field="--scale")
         regions = load_hand_regions(self.regions, hand) if self.regions else None
-
-        from handfast.pictures.hand_facts import facts_of, shown_hand, to_json
 
         shown = shown_hand(facts_of(hand, regions), body, q=q, pose=pose)
         if self.output:
@@ -75,7 +74,6 @@ class Show(Printed, Command):
         return console.ANSWERED
 
     def _say(self, shown: ShownHand) -> None:
-        from handfast.pictures import hand_rows
 
         out = console.out()
         out.print(f"{shown.facts.hand.name}: {hand_rows.counts(shown.facts)}", style="bold")
@@ -83,9 +81,6 @@ class Show(Printed, Command):
             out.print(text, soft_wrap=True)
 
     def _tables(self, shown: ShownHand) -> None:
-        from handfast.cli.console import table
-        from handfast.pictures import hand_rows
-        from handfast.pictures.words import USUAL
 
         out, facts = console.out(), shown.facts
         grid = table("", "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -11,22 +10,19 @@ from rich.text import Text
 
 from handfast.cli import console
 from handfast.cli.console import table
-from handfast.cli.options import assigned
+from handfast.cli.options import QueryOptions, assigned
 from handfast.core.answer import Verdict
+from handfast.model.grasp import Contact, Grasp
 from handfast.pictures import sentences, words
 from handfast.pictures.words import joint_text, laws_text, num, vector
+from handfast.proofs.replay import Replay
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.margin import Margin
 from handfast.stability.problem import model
-
-if TYPE_CHECKING:
-    from handfast.cli.options import QueryOptions
-    from handfast.model.grasp import Contact, Grasp
-    from handfast.proofs.replay import Replay
-    from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
-    from handfast.stability.answers.answer import Answer
-    from handfast.stability.answers.margin import Margin
-    from handfast.stability.problem.loads import Loads
-    from handfast.stability.problem.witness import Witness
-    from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.witness import Witness
+from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
 MOST_CLAIMS = 20  # that are shown, of those that are proved and of those that are not

@@ -1,26 +1,31 @@
-"""`handfast import`: grasps that others have published, as configurations and grasps of ours."""
+"""`handfast import` and `export`: grasps that others have published in, ours in the layouts of others out."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.console import table
 from handfast.cli.options import Command, Printed, WorkOptions
 from handfast.cli.scene_options import JointLawOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from handfast.datasets.published.importing import ImportedGrasp
-    from handfast.datasets.published.mapping_file import HandMapping
-    from handfast.datasets.published.published_file import Source
-    from handfast.model.hand import Hand
-
-TABLES = (".csv", ".jsonl", ".parquet")
+from handfast.core.files import LARGEST
+from handfast.datasets.published.exporting import ENDING, export, exported_from
+from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
+from handfast.datasets.published.importing import ImportedGrasp, Importer, Treatment, imported
+from handfast.datasets.published.mapping_file import HandMapping, load_mapping, mapping_for
+from handfast.datasets.published.mujoco_scene import export_scenes
+from handfast.datasets.published.object_finder import meshes_of
+from handfast.datasets.published.published_file import Source, published_files, sources
+from handfast.model.hand import Hand
+from handfast.pictures import words
+from handfast.readers.load_hand import load_hand
 
 
 @dataclass(kw_only=True)
@@ -68,10 +73,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     """the first N grasps only"""
 
     def run(self) -> int:
-        from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
-        from handfast.datasets.published.importing import Importer, Treatment, imported
-        from handfast.datasets.published.published_file import published_files, sources
-        from handfast.readers.load_hand import load_hand
 
         if not self.files:
             raise InputError("missing: FILE..., files of published grasps, or folders of them", source="import")
@@ -118,7 +119,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         return console.ANSWERED if good else console.BAD_INPUT
 
     def _check(self) -> None:
-        from handfast.core.files import LARGEST
 
         for field, value in (
             *(("--threshold", self.threshold), ("--scale", self.scale), ("--gain", self.gain)),
@@ -138,7 +138,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
                 raise InputError("is no folder; the objects' meshes are needed", source=str(folder))
 
     def _check_object(self, path: Path) -> None:
-        from handfast.datasets.published.object_finder import meshes_of
 
         if path.is_dir() and not meshes_of(path):
             raise InputError("is a folder without meshes; convex pieces are needed", source=self.object)
@@ -148,7 +147,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             )
 
     def _mapping(self, hand: Hand, found: list[Source]) -> tuple[str, HandMapping]:
-        from handfast.datasets.published.mapping_file import load_mapping, mapping_for
 
         if self.mapping:
             return self.mapping, load_mapping(self.mapping, hand)
@@ -162,19 +160,16 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         return mapping_for(layouts[0], hand)
 
     def _show(self, rows: list[ImportedGrasp], mapping: str) -> None:
-        from collections import Counter
-
-        from handfast.cli.console import table
 
         out = console.out()
         good = [r for r in rows if not r.reason]
         layouts = ", ".join(sorted({r.source.layout for r in rows if r.source.layout}))
         out.print(f"{len(good)} of {len(rows)} grasps imported ({layouts}, mapping {mapping})", style="bold")
         grid = table("what was done", "median", "most")
-        for name, words, factor, unit in SAID:
+        for name, text, factor, unit in SAID:
             values = sorted(float(r.said[name]) * factor for r in good if name in r.said)
             if values:
-                grid.add_row(words, f"{values[len(values) // 2]:.3g}{unit}", f"{values[-1]:.3g}{unit}")
+                grid.add_row(text, f"{values[len(values) // 2]:.3g}{unit}", f"{values[-1]:.3g}{unit}")
         if grid.row_count:
             out.print(grid)
         reasons = Counter(r.reason for r in rows if r.reason)
@@ -219,3 +214,60 @@ SAID = (
     ("reduction_error", "relative error of their wrenches", 1, ""),
     ("past_limits", "joint values past their limits", 1, " rad"),
 )
+
+
+SCENE = "mujoco"
+
+
+@dataclass(kw_only=True)
+class ExportGrasps(Command):
+    """Grasps of ours in the layouts of others: isaac_grasp, graspgen, dexgraspbench; or as MuJoCo scenes: mujoco.
+
+    A scene closes the hand, squeezes and lifts the object: its keyframes have the times and the servos' targets."""
+
+    source: Annotated[Positional[Path], arg(metavar="FOLDER|FILE")]
+    """a folder that import, plan or grasp filled, its grasps.json, or one configuration file; for mujoco a folder or a
+    grasp file"""
+    layout: Annotated[str | None, arg(metavar="NAME")] = None
+    """isaac_grasp, graspgen, dexgraspbench or mujoco"""
+    output: Annotated[Path | None, arg(metavar="FOLDER|FILE", aliases=["-o"])] = None
+    """a folder; or, for isaac_grasp (.yaml) and graspgen (.json), one file for one object, for mujoco (.xml) for one
+    grasp"""
+    hand: Annotated[str | None, arg(metavar="HAND")] = None
+    """the hand model, in place of what the configurations name"""
+    mapping: Annotated[str | None, arg(metavar="FILE")] = None
+    """a handfast/mapping/1 file or the name of a bundled one, if the layout poses another frame of the hand or has
+    other names or another order of joints"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+
+        if self.layout == SCENE:
+            return self._scenes()
+        if self.layout not in ENDING:
+            given = "missing" if self.layout is None else f"unknown layout '{self.layout}'"
+            raise InputError(f"{given}: --layout {', '.join((*ENDING, SCENE))}", source="export")
+        if self.output is None:
+            raise InputError("missing: -o FOLDER, or a file", source="export")
+        grasps = exported_from(self.source)
+        named = {g.configuration.hand for g in grasps if g.configuration.hand}
+        if not self.hand and len(named) != 1:
+            raise InputError("missing: --hand HAND; the configurations name none, or several", source="export")
+        hand = load_hand(self.hand or named.pop())
+        mapping = load_mapping(self.mapping, hand) if self.mapping else HandMapping(schema="handfast/mapping/1")
+        written = export(grasps, hand, mapping, self.layout, self.output, force=self.force)
+        many = f"{words.count(len(grasps), 'grasp')} in {words.count(len(written), 'file')}"
+        print(f"{many}, layout {self.layout}: {self.output}")
+        return console.ANSWERED
+
+    def _scenes(self) -> int:
+
+        for option, given in (("--hand", self.hand), ("--mapping", self.mapping)):
+            if given:
+                raise InputError("is of other layouts; grasp files say their hand", field=option)
+        if self.output is None:
+            raise InputError("missing: -o FOLDER, or a file that ends in .xml", source="export")
+        written = export_scenes(self.source, self.output, force=self.force)
+        print(f"{words.count(len(written), 'scene')}, layout {SCENE}: {self.output}")
+        return console.ANSWERED
