@@ -64,8 +64,7 @@ def test_the_smallest_question_is_still_answered() -> None:
 def test_no_word_of_a_table_is_broken() -> None:
     """Long cells in the first columns leave room for the others."""
     name, claim = "bottle, hold, gravity, margin, certificate", "nothing above that is resisted " * 4
-    grid = table("", "claims", "replayed", "")
-    grid.add_row(name, claim, "136 leaves", "proved")
+    grid = table(["", "claims", "replayed", ""], [(name, claim, "136 leaves", "proved")])
     shown = io.StringIO()
     Console(width=60, file=shown).print(grid)
     said = {word for line in shown.getvalue().splitlines() for word in line.split() if word[0] != "─"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     from handfast.stability.problem.settings import Progress
 
@@ -132,23 +133,38 @@ def watch(what: str) -> Iterator[Watch]:
         w.stop()
 
 
-def table(*heads: str) -> Table:
-    """An empty table in the house style; columns with a unit hold numbers.
+def table(heads: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Table:
+    """A table in the house style; columns with a unit hold numbers.
 
-    The first columns keep their lines whole until a cell of theirs is long: the others would be left with no room for a
-    word.
+    The first columns keep their lines whole unless a cell of theirs is long: the others would be left with no room for
+    a word.
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    class HouseTable(Table):
-        def add_row(self, *cells: Any, **style: Any) -> None:
-            for column, cell in zip(self.columns, cells, strict=False):
-                column.no_wrap = column.no_wrap and len(str(cell or "")) <= LONG
-            super().add_row(*cells, **style)
-
-    grid = HouseTable(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
+    cells = list(rows)
+    grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
     for i, head in enumerate(heads):
         number = i > 0 and "[" in head and head not in ("force [N]", "position [mm]")
-        grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=i < 2)
+        whole = i < 2 and all(len(str(row[i])) <= LONG for row in cells if i < len(row))
+        grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=whole)
+    for row in cells:
+        grid.add_row(*row)
     return grid
+
+
+def print_table(out: Console, heads: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> None:
+    """The same below an empty line."""
+    out.print()
+    out.print(table(heads, rows))
+
+
+def print_list(out: Console, rows: Iterable[tuple[str, ...]]) -> None:
+    """Names, and what there is to say of each, without lines and heads."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
+    for name, *others in rows:
+        grid.add_row(f"  {name}", *others)
+    out.print(grid)

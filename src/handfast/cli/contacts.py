@@ -190,12 +190,10 @@ class Close(SceneOptions, Reported, Command):
         out = console.out()
         touching = ", ".join(closed.touching) or "no link"
         out.print(f"{words.count(len(closed.contacts), 'contact')}; touching: {touching}", style="bold")
-        grid = table("joint", "stopped at", "because")
-        for name, why in closed.stopped.items():
-            j = hand.joint(name)
-            unit = "rad" if hand.joints[j].type == "revolute" else "m"
-            grid.add_row(name, f"{closed.q[j]:.4f} {unit}", why)
-        out.print(grid)
+        units = {joint.name: "rad" if joint.type == "revolute" else "m" for joint in hand.joints}
+        stopped = closed.stopped.items()
+        rows = [(name, f"{closed.q[hand.joint(name)]:.4f} {units[name]}", why) for name, why in stopped]
+        out.print(table(["joint", "stopped at", "because"], rows))
         if closed.contacts:
             tables.show_contacts(out, closed.contacts)
         console.say_written(out, self.output, self.grasp, self.report)

@@ -13,7 +13,7 @@ from rich.text import Text
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.console import table
+from handfast.cli.console import print_table
 from handfast.cli.load_options import SearchFlags
 from handfast.cli.options import Command, load_solvable
 from handfast.cli.scene_options import JointLawOptions, ObjectOptions
@@ -168,8 +168,7 @@ def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), time
     if answer.grasps:
         _show_found(out, answer)
     _show_tally(out, answer)
-    for path in written:
-        out.print(f"Written: {path}", soft_wrap=True)
+    console.say_written(out, *written)
 
 
 def sentence(answer: Grasps) -> str:
@@ -231,21 +230,13 @@ def loads_text(answer: Grasps) -> str:
 def _show_found(out: Console, answer: Grasps) -> None:
     unit = words.actuator_unit(answer.grasps[0].grasp, answer.grasps[0].grasp.mechanism.actuators[0])
     heads = (f"command [{unit}]", "at least", "friction margin [%]", "clear [mm]", "from limits [%]", "dexterity [-]")
-    grid = table("#", "score", *heads, "")
+    rows = []
     for k, g in enumerate(answer.grasps, start=1):
-        grid.add_row(
-            str(k),
-            f"{g.score:.2f}",
-            num(g.command, 3),
-            num(g.answer.lower, 3),
-            f"{100 * g.friction_margin:.0f}",
-            f"{1e3 * g.terms['clearance']:.2f}",
-            f"{100 * g.terms['from_limits']:.1f}",
-            num(g.terms["manipulability"], 3),
-            "repaired" if g.repaired else "",
-        )
-    out.print()
-    out.print(grid)
+        commands, away = (num(g.command, 3), num(g.answer.lower, 3)), f"{1e3 * g.terms['clearance']:.2f}"
+        shares = f"{100 * g.friction_margin:.0f}", away, f"{100 * g.terms['from_limits']:.1f}"
+        last = num(g.terms["manipulability"], 3), "repaired" if g.repaired else ""
+        rows.append((str(k), f"{g.score:.2f}", *commands, *shares, *last))
+    print_table(out, ["#", "score", *heads, ""], rows)
     best = answer.grasps[0]
     used = {n: v for n, v in best.grasp.preload.items() if v}
     squeezed = ", ".join(f"{n} {num(v)}" for n, v in used.items()) or "nothing commanded, the gearing holds"
@@ -263,13 +254,9 @@ def _show_found(out: Console, answer: Grasps) -> None:
 
 def _show_tally(out: Console, answer: Grasps) -> None:
     if answer.unproved or answer.tally.total:
-        grid = table("what became of the starts", "")
-        for what, number in tally_rows(answer.tally, "holds", REASONS):
-            grid.add_row(what, number)
-        if answer.unproved:
-            grid.add_row("could not be certified", str(answer.unproved))
-        out.print()
-        out.print(grid)
+        rows = [*tally_rows(answer.tally, "holds", REASONS)]
+        rows += [("could not be certified", str(answer.unproved))] if answer.unproved else []
+        print_table(out, ["what became of the starts", ""], rows)
         looked = f"{answer.evaluated} certified configurations judged, steps included"
         out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
     if answer.balance and answer.verdict is Reach.UNDECIDED:

@@ -13,7 +13,7 @@ from rich.text import Text
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.console import table
+from handfast.cli.console import print_table
 from handfast.cli.load_options import Disturbances
 from handfast.cli.options import QueryOptions, Saved, WorkOptions, check_folder
 from handfast.cli.tables import STYLE
@@ -216,19 +216,16 @@ def show_hold(out: Console, grasp: Grasp, answer: HoldAnswer, eta: float, why: s
         out.print(why, style="yellow")
     out.print(f"{words.count(answer.nodes, 'node')}, {num(answer.seconds, 2)} s", style="dim")
     if answer.preload:
-        grid = table("actuator", "command")
-        for name, value in answer.preload.items():
-            grid.add_row(name, f"{num(value)} {words.actuator_unit(grasp, name)}" if value else "locked")
-        out.print()
-        out.print(grid)
+        commands = answer.preload.items()
+        rows = [(n, f"{num(v)} {words.actuator_unit(grasp, n)}" if v else "locked") for n, v in commands]
+        print_table(out, ["actuator", "command"], rows)
     if answer.checks:
-        grid = table("load", "", "shown by", *(["margin"] if answer.margins else []))
+        lines = []
         for name, wrench, a in zip(answer.loads.names, answer.loads.wrenches, answer.checks, strict=True):
             shown = "an exact state" if a.exact else "a state to 1e-9"
             more = [margin_text(answer.margins.get(name))] if answer.margins else []
-            grid.add_row(name, words.load_text(wrench), shown, *more)
-        out.print()
-        out.print(grid)
+            lines.append((name, words.load_text(wrench), shown, *more))
+        print_table(out, ["load", "", "shown by", *(["margin"] if answer.margins else [])], lines)
     if answer.margin is not None:
         out.print(conclusion(answer))
 
@@ -240,11 +237,12 @@ def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:
     said = ", ".join(f"{n} {v}" for v, n in counts if n) or "none asked"
     broken = len(rows) - len(answers)
     out.print(f"{words.count(len(rows), 'grasp')}: {said}{f', {broken} broken' if broken else ''}", style="bold")
-    grid = table("#", "grasp", "", "largest command", "hardest load", "margin", "exact", "seconds")
+    heads = "#", "grasp", "", "largest command", "hardest load", "margin", "exact", "seconds"
+    lines: list[tuple[str | Text, ...]] = []
     for k, row in enumerate(rows):
         a = row.answer
         if a is None:
-            grid.add_row(str(k), row.name, Text("BROKEN", style="bold red"), *["–"] * 5)
+            lines.append((str(k), row.name, Text("BROKEN", style="bold red"), *["–"] * 5))
             continue
         exact = "–" if a.exact is None else "yes" if a.exact else "to 1e-9"
         cut = f", {a.stop}" if a.stop in CUT else ""
@@ -252,9 +250,8 @@ def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:
         hardest = a.refuted[0] if a.refuted else a.hardest or "–"
         margin = "–" if a.margin is None else "any size" if np.isinf(a.margin) else num(a.margin)
         margin += " or more" * any(m.stop in CUT for m in a.margins.values())
-        grid.add_row(str(k), row.name, verdict, command_text(a), hardest, margin, exact, num(a.seconds, 2))
-    out.print()
-    out.print(grid)
+        lines.append((str(k), row.name, verdict, command_text(a), hardest, margin, exact, num(a.seconds, 2)))
+    print_table(out, heads, lines)
     for k, row in enumerate(rows):
         if row.reason:
             out.print(f"{k}: {row.reason}", style="yellow", soft_wrap=True)

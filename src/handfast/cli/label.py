@@ -183,27 +183,21 @@ class Label(JointLawOptions, WorkOptions, Command):
         out.print(
             f"{summary.labelled} of {count(summary.rows, 'grasp')} labelled, {summary.broken} broken", style="bold"
         )
-        grid = table("weight from every direction", "grasps")
-        for key, words in HELD_BY.items():
-            if summary.held_by[key]:
-                grid.add_row(words, str(summary.held_by[key]))
-        if summary.verdicts["no weight"]:
-            grid.add_row("not asked: no mass is known; give --mass KG", str(summary.verdicts["no weight"]))
-        if grid.row_count:
-            out.print(grid)
+        held = [(words, summary.held_by[key]) for key, words in HELD_BY.items()]
+        held.append(("not asked: no mass is known; give --mass KG", summary.verdicts["no weight"]))
+        if rows := [(words, str(number)) for words, number in held if number]:
+            out.print(table(["weight from every direction", "grasps"], rows))
         if summary.broken:
-            grid = table("rows", "first", "broken because")
-            for reason, number in summary.reasons.most_common(MOST):
-                grid.add_row(str(number), str(summary.first[reason]), reason)
+            most = summary.reasons.most_common(MOST)
+            reasons = [(str(number), str(summary.first[reason]), reason) for reason, number in most]
             if len(summary.reasons) > MOST:
-                grid.add_row("", "", f"and other reasons: {len(summary.reasons) - MOST}; the table has all")
-            out.print(grid)
+                reasons.append(("", "", f"and other reasons: {len(summary.reasons) - MOST}; the table has all"))
+            out.print(table(["rows", "first", "broken because"], reasons))
         if summary.open:
             out.print(f"{count(summary.open, 'question')} stayed open; the rows say what was shown.")
         if summary.fresh:
             out.print(f"{summary.fresh} rows in {summary.wall:.1f} s, {summary.rate:.3g} a second.")
-        for path in files:
-            out.print(f"Written: {path}", soft_wrap=True)
+        console.say_written(out, *files)
 
 
 def progress_text(p: LabelProgress) -> str:

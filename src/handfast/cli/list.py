@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from rich.box import SIMPLE
-from rich.table import Table
 from rich.text import Text
 
 from handfast.cli import console
@@ -55,11 +53,11 @@ class List(Command):
             "hand_regions": "handfast propose HAND OBJECT",
         }
         for kind, entries in found.items():
-            grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
-            for name, text in entries.items():
-                grid.add_row("  " + name, text)
             out.print(Text.assemble((kind.replace("_", " "), "bold"), "  ", (uses[kind], "dim")))
-            out.print(grid if entries else "  none")
+            if entries:
+                console.print_list(out, entries.items())
+            else:
+                out.print("  none")
         return console.ANSWERED
 
 

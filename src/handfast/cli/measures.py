@@ -10,7 +10,7 @@ from rich.console import Console
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.console import table
+from handfast.cli.console import print_table
 from handfast.cli.options import (
     Assignments,
     Command,
@@ -127,11 +127,9 @@ def show(out: Console, found: Measures, *written: Path | None) -> None:
     out.print(f"Torques about {about}, divided by {num(1e3 * found.scale.length)} mm.", style="dim")
     if len(grasp.soft):
         out.print("Soft fingers count as point contacts, but for passive maxima.", style="dim")
-    grid = table("measure", "value", "better", "the hand", "from")
-    for v in found.values:
-        grid.add_row(v.measure.name, value_text(v), v.measure.better, v.measure.assumes, v.measure.source)
-    out.print()
-    out.print(grid)
+    told = ((v.measure, value_text(v)) for v in found.values)
+    rows = [(m.name, value, m.better, m.assumes, m.source) for m, value in told]
+    print_table(out, ["measure", "value", "better", "the hand", "from"], rows)
     notes = [f"{v.measure.name}: {v.note}" for v in found.values if v.note]
     if notes:
         out.print()

@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.console import table
 from handfast.cli.options import Assignments, Command, Wrench, assigned, check_writable
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.files import write_bytes, write_text
@@ -143,9 +140,9 @@ class Paper(Command):
         out = console.out()
         for paper in dict.fromkeys(e.paper for e in EXHIBITS.values()):
             out.print(paper, style="bold")
-            _grid(out, [(e.name, e.title, _effort(e)) for e in EXHIBITS.values() if e.paper == paper])
+            console.print_list(out, [(e.name, e.title, _effort(e)) for e in EXHIBITS.values() if e.paper == paper])
         out.print("Methods", style="bold")
-        _grid(out, [(f"{name} {m.about}", m.title, "") for name, m in METHODS.items()])
+        console.print_list(out, [(f"{name} {m.about}", m.title, "") for name, m in METHODS.items()])
         return console.ANSWERED
 
     def _exhibit(self) -> int:
@@ -235,23 +232,12 @@ def _effort(exhibit: Exhibit) -> str:
     return f"about {exhibit.seconds} s" if exhibit.make else f"sketch: {exhibit.instead}"
 
 
-def _grid(out: Console, rows: list[tuple[str, str, str]]) -> None:
-
-    grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
-    for name, title, effort in rows:
-        grid.add_row("  " + name, title, effort)
-    out.print(grid)
-
-
 def _records(made: TextTable) -> list[dict[str, str]]:
     return [dict(zip(made.heads, row, strict=True)) for row in made.rows]
 
 
 def _print(out: Console, made: TextTable) -> None:
 
-    grid = table(*made.heads)
-    for row in made.rows:
-        grid.add_row(*row)
-    out.print(grid)
+    out.print(console.table(made.heads, made.rows))
     for note in made.notes:
         out.print(note, style="dim")

@@ -171,7 +171,8 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         what = "Each holds, under its preload" if planned.grasps else "Asked to hold, under one preload"
         out.print(f"{what}: {words.times_text(self.safety)}{', '.join(planned.loads.names)}")
         if planned.grasps:
-            grid = table("grasp", "start", "contacts", "margin", "", "largest command", "clearance [mm]", "links")
+            heads = "grasp", "start", "contacts", "margin", "", "largest command", "clearance [mm]", "links"
+            rows = []
             for g in planned.grasps:
                 q, most = g.quality, largest_command(g.grasp)
                 unit = words.actuator_unit(g.grasp, most["actuator"]) if most["actuator"] else ""
@@ -182,8 +183,8 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
                 command = f"{words.num(abs(most['value']), 3)} {unit}" if unit else "locked"
                 links = ", ".join(sorted({str(c.link) for c in g.grasp.contacts}))
                 numbers = str(planned.number(g)), str(g.index), str(g.grasp.m)
-                grid.add_row(*numbers, *measured[:2], command, measured[2], links)
-            out.print(grid)
+                rows.append((*numbers, *measured[:2], command, measured[2], links))
+            out.print(table(heads, rows))
             out.print(f"Margin: {words.MARGIN}. Best first: {words.BEST_FIRST}.", style="dim", soft_wrap=True)
             if left := sum(g.quality is None for g in planned.grasps):
                 why = "it was interrupted" if planned.stop is Stop.INTERRUPTED else "the time ran out"
@@ -192,15 +193,13 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
             for g in planned.grasps:
                 out.print(f"Preload of {planned.number(g)}: {words.preload_text(g.grasp)}", soft_wrap=True)
         worst = overlaps_text(planned.tally)
-        grid = table("what became of the starts", "", *(["overlapped most often"] if worst else []))
-        for reason, number in tally_rows(planned.tally, "kept", REASONS):
-            grid.add_row(reason, number, *([worst.get(reason, "")] if worst else []))
-        out.print(grid)
+        became = [(*row, worst.get(row[0], "")) for row in tally_rows(planned.tally, "kept", REASONS)]
+        columns = 3 if worst else 2
+        about = "what became of the starts", "", "overlapped most often"
+        out.print(table(about[:columns], [row[:columns] for row in became]))
         for sentence in planned.diagnosis:
             out.print(sentence, soft_wrap=True)
-        for path in (self.output, self.report if planned.grasps else None):
-            if path:
-                out.print(f"Written: {path}", soft_wrap=True)
+        console.say_written(out, self.output, self.report if planned.grasps else None)
         if self.report and not planned.grasps:
             out.print(f"Not written: {self.report}; there is nothing to show", soft_wrap=True)
 

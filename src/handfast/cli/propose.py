@@ -98,17 +98,15 @@ class Propose(ObjectOptions, Reported, Command):
         what = f"{len(found.proposals)} of {found.tried} candidates certified and kept, {clear} of them clear"
         out.print(f"{found.kind}: {what}; {found.seconds:.1f} s", style="bold")
         if found.proposals:
-            grid = table("task", "regions of the hand", "score", "off centre", "clearance")
+            heads, rows = ("task", "regions of the hand", "score", "off centre", "clearance"), []
             for p in found.proposals:
                 measured = f"{p.score:.2f}", f"{1e3 * p.off_centre:.0f} mm", f"{1e3 * p.clearance + 0.0:.1f} mm"
-                grid.add_row(p.task.name, ", ".join(p.names), *measured)
-            out.print(grid)
+                rows.append((p.task.name, ", ".join(p.names), *measured))
+            out.print(table(heads, rows))
         if found.tally.rejected:
-            grid = table("dropped", "number", "for example")
-            for reason, some in found.tally.rejected.items():
-                grid.add_row(str(reason), str(some.count), some.example)
-            out.print(grid)
-        for path in written:
-            out.print(f"Written: {path}", soft_wrap=True)
+            dropped = found.tally.rejected.items()
+            told = [(str(reason), str(some.count), some.example) for reason, some in dropped]
+            out.print(table(["dropped", "number", "for example"], told))
+        console.say_written(out, *written)
         if self.report and not found.proposals:
             out.print(f"Not written: {self.report}; there is nothing to show", soft_wrap=True)

@@ -165,22 +165,21 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         good = [r for r in rows if not r.reason]
         layouts = ", ".join(sorted({r.source.layout for r in rows if r.source.layout}))
         out.print(f"{len(good)} of {len(rows)} grasps imported ({layouts}, mapping {mapping})", style="bold")
-        grid = table("what was done", "median", "most")
+        done = []
         for name, text, factor, unit in SAID:
             values = sorted(float(r.said[name]) * factor for r in good if name in r.said)
             if values:
-                grid.add_row(text, f"{values[len(values) // 2]:.3g}{unit}", f"{values[-1]:.3g}{unit}")
-        if grid.row_count:
-            out.print(grid)
+                done.append((text, f"{values[len(values) // 2]:.3g}{unit}", f"{values[-1]:.3g}{unit}"))
+        if done:
+            out.print(table(["what was done", "median", "most"], done))
         reasons = Counter(r.reason for r in rows if r.reason)
         if reasons:
-            grid = table("grasps", "left out because")
-            grid.columns[1].no_wrap = False  # a reason says at its end what would be right
-            for reason, count in reasons.most_common(8):
-                grid.add_row(str(count), reason)
+            most = [(str(count), reason) for reason, count in reasons.most_common(8)]
             if len(reasons) > 8:
                 others = sum(count for _, count in reasons.most_common()[8:])
-                grid.add_row(str(others), f"{len(reasons) - 8} other reasons")
+                most.append((str(others), f"{len(reasons) - 8} other reasons"))
+            grid = table(["grasps", "left out because"], most)
+            grid.columns[1].no_wrap = False  # a reason says at its end what would be right
             out.print(grid)
         out.print(f"Written: {self.output}" if good else "Nothing was written.", soft_wrap=True)
         told = self._without_commands(good)

@@ -116,14 +116,13 @@ def show_sampled(found: SampledMaximum) -> None:
     name, what = found.grasp.name, direction_text(found.direction)
     out.print(f"{name}: largest {what} of {len(found.lower)} grasps that are off", style="bold")
     out.print(f"  {bounds_text(found)}")
-    grid = table("", f"resisted [{unit}]")
-    grid.add_row("the grasp as it stands", bound_text(found.nominal, factor))
+    rows = [("the grasp as it stands", bound_text(found.nominal, factor))]
     if found.uncertain is not None:
         eta = num(float(found.bounds.normals) * 57.29577951308232)
-        grid.add_row(f"with eta = {eta}°, equation (17)", bound_text(found.uncertain, factor))
+        rows.append((f"with eta = {eta}°, equation (17)", bound_text(found.uncertain, factor)))
     for share, value in found.quantiles.items():
         word = "the worst sample" if share == 0 else f"{num(100 * share)} % of the samples at most"
-        grid.add_row(word, "any size" if value == float("inf") else num(factor * value))
-    out.print(grid)
+        rows.append((word, "any size" if value == float("inf") else num(factor * value)))
+    out.print(table(["", f"resisted [{unit}]"], rows))
     for line in conclusion(found):
         out.print(f"  {line}")

@@ -68,7 +68,7 @@ class Show(Printed, Command):
             return console.ANSWERED
         self._say(shown)
         if self.output:
-            console.out().print(f"Written: {self.output}", soft_wrap=True)
+            console.say_written(console.out(), self.output)
         else:
             self._tables(shown)
         return console.ANSWERED
@@ -83,31 +83,26 @@ class Show(Printed, Command):
     def _tables(self, shown: ShownHand) -> None:
 
         out, facts = console.out(), shown.facts
-        grid = table("", "")
+        grid = table(["", ""], hand_rows.overview(facts) + hand_rows.object_facts(shown))
         grid.show_header = False
-        for row in hand_rows.overview(facts) + hand_rows.object_facts(shown):
-            grid.add_row(*row)
         out.print(grid)
         rows = hand_rows.joint_rows(facts)
         laws = any(row[4] != USUAL for row in rows)
         heads = ["joint", "limits", *(["besides its motor"] if laws else []), "closes", "driven by", "part of"]
-        senses = table(*heads, "shown at")
         values = [hand_rows.value_text(facts.hand, j, float(v)) for j, v in enumerate(shown.q)]
-        for (name, _, limits, _, law, *others), value in zip(rows, values, strict=True):
-            senses.add_row(name, limits, *([law] if laws else []), *others, value)
-        if shown.q.size:
-            out.print(senses)
+        senses = [
+            (name, limits, *([law] if laws else []), *others, value)
+            for (name, _, limits, _, law, *others), value in zip(rows, values, strict=True)
+        ]
+        if senses:
+            out.print(table([*heads, "shown at"], senses))
         if facts.regions is not None:
-            grid = table("region", "finger", "role", "link", "off the shapes")
-            for name, finger, role, link, _, error in hand_rows.region_rows(facts):
-                grid.add_row(name, finger, role, link, error)
-            out.print(grid)
+            regions = [(*row[:4], row[5]) for row in hand_rows.region_rows(facts)]
+            out.print(table(["region", "finger", "role", "link", "off the shapes"], regions))
         count = len(facts.overlapping) + len(facts.excluded)
         if count:
-            grid = table("link", "and", "not checked because")
-            for pair in hand_rows.pair_rows(facts)[: min(count, MANY)]:
-                grid.add_row(*pair)
-            out.print(grid)
+            pairs = hand_rows.pair_rows(facts)[: min(count, MANY)]
+            out.print(table(["link", "and", "not checked because"], pairs))
             if count > MANY:
                 out.print(f"and {count - MANY} more pairs: --json, or -o FILE.html")
 

@@ -13,7 +13,7 @@ from rich.text import Text
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.console import table
+from handfast.cli.console import print_table, table
 from handfast.cli.options import Command, Reported, check_writable, load_solvable
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
@@ -134,39 +134,39 @@ def show_synthesis(out: Console, answer: Synthesis, wanted: int, written: Sequen
         show_solution(out, solution)
     rest = answer.solutions[SHOWN:]
     if rest:
-        grid = table("", "object at [mm]", "tightest bound", "is off by")
+        rows = []
         for k, solution in enumerate(rest, start=SHOWN + 1):
             label, slack = min(solution.slacks.items(), key=lambda item: item[1], default=("", np.inf))
             off = slack_text(task, label, slack) if label else "–"
-            grid.add_row(str(k), vector(1e3 * solution.pose[:3, 3], 4), label or "none", off)
-        out.print()
-        out.print(grid)
+            rows.append((str(k), vector(1e3 * solution.pose[:3, 3], 4), label or "none", off))
+        print_table(out, ["", "object at [mm]", "tightest bound", "is off by"], rows)
     if answer.spread is not None:
         text = f"\nAny two of them are at least {num(answer.spread, 3)} apart (1: a radian, or 0.1 m)."
         out.print(text)
-    for path in written:
-        out.print(f"Written: {path}", soft_wrap=True)
+    console.say_written(out, *written)
 
 
 def show_solution(out: Console, solution: Solution) -> None:
     """Joints, pose, contacts and how far the bounds are."""
     task, hand = solution.task, solution.task.hand
-    grid = table("joint", "value [°, mm]", "limits [°, mm]")
+    rows, styles = [], []
     moving = set(task.involved.tolist())
     for j, (joint, value) in enumerate(zip(hand.joints, solution.q, strict=True)):
         factor = 1e3 if joint.type == "prismatic" else 180 / np.pi
         limits = f"{num(factor * joint.lower, 3)} to {num(factor * joint.upper, 3)}"
-        grid.add_row(joint.name, num(factor * value), limits, style=None if j in moving else "dim")
+        rows.append((joint.name, num(factor * value), limits))
+        styles.append("" if j in moving else "dim")
+    grid = table(["joint", "value [°, mm]", "limits [°, mm]"], rows)
+    for row, style in zip(grid.rows, styles, strict=True):
+        row.style = style
     out.print()
     out.print(grid)
     place = solution.configuration.object_pose
     at, turn = vector(1e3 * np.array(place.position), 5), vector(place.quaternion, 4)
     out.print(f"Object at {at} mm in the palm frame, turned by the quaternion {turn} (w, x, y, z).")
-    grid = table("#", "link", "point [mm]", "normal into the object")
-    for k, pair in enumerate(task.contact_pairs):
-        grid.add_row(str(k), pair.link, vector(1e3 * solution.points[k], 4), vector(solution.normals[k]))
-    out.print()
-    out.print(grid)
+    places = zip(task.contact_pairs, solution.points, solution.normals, strict=True)
+    lines = [(str(k), pair.link, vector(1e3 * p, 4), vector(n)) for k, (pair, p, n) in enumerate(places)]
+    print_table(out, ["#", "link", "point [mm]", "normal into the object"], lines)
     tight = sorted(solution.slacks.items(), key=lambda item: item[1])[:3]
     if tight:
         nearest = (f"{label}, {slack_text(task, label, x)} away" for label, x in tight)

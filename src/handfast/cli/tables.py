@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from handfast.cli import console
-from handfast.cli.console import table
+from handfast.cli.console import print_table, table
 from handfast.cli.options import QueryOptions, assigned
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Contact, Grasp
@@ -48,23 +48,18 @@ def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[Chec
     worst = next(v for v in (Verdict.SLIPS, Verdict.UNDECIDED, Verdict.HOLDS) if v in verdicts)
     held = f"{verdicts.count(Verdict.HOLDS)} of {len(verdicts)} disturbances are resisted."
     _head(out, grasp, worst, held, asked, commands=grasp.preload)
-    grid = table("disturbance", "", "load", "shown by")
+    rows = []
     for name, wrench, a in zip(loads.names, loads.wrenches, answers, strict=True):
         shown = "a state" if a.found else sentences.certified(a.certificate, a.verified) if a.certificate else "–"
         fragile = ", FRAGILE" * sentences.fragile(a)
-        grid.add_row(name, Text(a.verdict.upper() + fragile, style=STYLE[a.verdict]), words.load_text(wrench), shown)
-    out.print()
-    out.print(grid)
+        rows.append((name, Text(a.verdict.upper() + fragile, style=STYLE[a.verdict]), words.load_text(wrench), shown))
+    print_table(out, ["disturbance", "", "load", "shown by"], rows)
     _written(out, asked)
 
 
 def show_margin(out: Console, margin: Margin) -> None:
     """What a HOLDS leans on."""
-    grid = table("it leans on", "", "")
-    for row in sentences.margin_rows(margin):
-        grid.add_row(*row)
-    out.print()
-    out.print(grid)
+    print_table(out, ["it leans on", "", ""], sentences.margin_rows(margin))
     out.print(sentences.margin_note(margin), style="dim")
 
 
@@ -124,18 +119,19 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
     out.print(Text.assemble((word, style), "  ", head))
     if not done.ok:
         out.print(done.reason, style="yellow", soft_wrap=True)
-    grid = table("", "claims", "replayed", "")
-    grid.columns[2].no_wrap = True
     rows = list(_claims(done, ""))
     proved = [row for row in rows if row[-1] == "proved"][MOST_CLAIMS // 2 : -MOST_CLAIMS // 2]
     left = [row for row in rows if row[-1] != "proved"][MOST_CLAIMS:]
     hidden = {id(row) for row in (*proved, *left)}
+    shown = []
     for row in rows:
         if proved and row is proved[0]:
-            grid.add_row("...", f"{words.count(len(proved), 'claim')} between; --json lists all", "", "proved")
+            shown.append(("...", f"{words.count(len(proved), 'claim')} between; --json lists all", "", "proved"))
         if id(row) not in hidden:
-            grid.add_row(*row)
+            shown.append(row)
     if rows:
+        grid = table(["", "claims", "replayed", ""], shown)
+        grid.columns[2].no_wrap = True
         out.print()
         out.print(grid)
     if left:
@@ -195,16 +191,12 @@ def _share(answer: MapAnswer | SweepAnswer) -> str:
 
 
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
-    grid = table("", "any size", "limited", "none", "open", "largest [N]", "smallest [N]")
     named = [("no preload", answer.passive), ("with preload", answer.preloaded)]
-    for name, curve in named:
-        if curve is not None:
-            grid.add_row(name, *_counts(curve))
     plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane, {words.place_text(answer.at)}"
     text = f"{plane}: {_cases(answer)}, {num(answer.seconds, 3)} s."
     _head(out, answer.grasp, answer.verdict, text, asked, share=_share(answer), commands=answer.grasp.preload)
-    out.print()
-    out.print(grid)
+    rows = [(name, *_counts(curve)) for name, curve in named if curve is not None]
+    print_table(out, ["", "any size", "limited", "none", "open", "largest [N]", "smallest [N]"], rows)
     _written(out, asked)
 
 
@@ -213,10 +205,9 @@ def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
     others = {name: value for name, value in grasp.preload.items() if name != answer.actuator}
     text = f"The command of {answer.actuator} varies: {_cases(answer)}."
     _head(out, grasp, answer.verdict, text, asked, share=_share(answer), commands=others)
-    heads = []
-    for d in answer.directions:
-        heads.append(f"{words.direction_text(d)} [{words.magnitude(d)[1]}]")
-    grid = table(f"{answer.actuator} [{words.actuator_unit(grasp, answer.actuator)}]", *heads)
+    heads = [f"{answer.actuator} [{words.actuator_unit(grasp, answer.actuator)}]"]
+    heads += [f"{words.direction_text(d)} [{words.magnitude(d)[1]}]" for d in answer.directions]
+    rows = []
     states = [sentences.curve_states(c) for c in answer.curves]
     for i, value in enumerate(answer.values):
         cells = []
@@ -225,9 +216,8 @@ def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
             lower, upper = num(factor * c.lower[i]), num(factor * c.upper[i])
             shown = {"unbounded": "any size", "open": f"{lower} to {upper}"}.get(state[i], lower)
             cells.append("not reached" if np.isnan(c.lower[i]) else shown)
-        grid.add_row(num(float(value)), *cells)
-    out.print()
-    out.print(grid)
+        rows.append((num(float(value)), *cells))
+    print_table(out, heads, rows)
     _written(out, asked)
 
 
@@ -237,7 +227,7 @@ def show_witness(out: Console, witness: Witness) -> None:
     g, x = witness.grasp, witness.state
     rubs, soft = np.linalg.norm(model.friction(g, x.c, x.torsion), axis=1), len(g.soft) > 0
     heads = ["#", "link", "normal [N]", "friction [N]", *(["torsion [N m]"] if soft else [])]
-    grid = table(*heads, "of limit", "state", "force [N]")
+    rows = []
     for i, contact in enumerate(witness.grasp.contacts):
         friction = float(np.linalg.norm(c[i, 1:]))
         limit = contact.friction * c[i, 0]
@@ -246,12 +236,11 @@ def show_witness(out: Console, witness: Witness) -> None:
         torque = [num(x.torsion[i]) if contact.torsion else "–"] if soft else []
         cells = [num(c[i, 0]), num(friction), *torque, share, state, vector(witness.forces[i])]
         rest = ["–", "–", *["–" for _ in torque], "–", state, "–"]
-        grid.add_row(str(i), contact.link or "–", *(cells if state != "open" else rest))
-    out.print()
-    out.print(grid)
+        rows.append((str(i), contact.link or "–", *(cells if state != "open" else rest)))
+    print_table(out, [*heads, "of limit", "state", "force [N]"], rows)
     mech = witness.grasp.mechanism
     if mech.a:
-        grid = table("actuator", "commanded", "carries", "")
+        motors = []
         turns = sentences.actuators_that_turn(witness)
         for i, name in enumerate(mech.actuators):
             unit = words.actuator_unit(witness.grasp, name)
@@ -259,9 +248,8 @@ def show_witness(out: Console, witness: Witness) -> None:
             held = "rests" if mech.backdrivable[i] else "held by its gearing"
             moved = "turns" if turns[i] else held
             commanded = f"{num(command)} {unit}" if command else "free" if mech.backdrivable[i] else "locked"
-            grid.add_row(name, commanded, f"{num(witness.state.f[i])} {unit}", moved)
-        out.print()
-        out.print(grid)
+            motors.append((name, commanded, f"{num(witness.state.f[i])} {unit}", moved))
+        print_table(out, ["actuator", "commanded", "carries", ""], motors)
     if witness.grasp.has_laws:
         _show_joints(out, witness)
     out.print()
@@ -270,7 +258,7 @@ def show_witness(out: Console, witness: Witness) -> None:
 
 def _show_joints(out: Console, witness: Witness) -> None:
     """What joints carry themselves, by friction, springs and stops."""
-    grid = table("joint", "friction, stop", "spring", "")
+    rows = []
     for j, joint in enumerate(witness.grasp.joints):
         unit, reaction = words.joint_unit(witness.grasp, j), float(witness.state.reaction[j])
         if not (joint.friction or joint.torque or joint.stop):
@@ -279,21 +267,18 @@ def _show_joints(out: Console, witness: Witness) -> None:
         stop = f"at its {joint.stop} stop" if joint.stop and joint.stop != "both" else "between two stops"
         how = ", ".join(text for text in (rubs, stop if joint.stop else "") if text)
         spring = f"{num(joint.torque)} {unit}" if joint.torque else "–"
-        grid.add_row(joint.name, f"{num(reaction)} {unit}", spring, how)
-    if grid.rows:
-        out.print()
-        out.print(grid)
+        rows.append((joint.name, f"{num(reaction)} {unit}", spring, how))
+    if rows:
+        print_table(out, ["joint", "friction, stop", "spring", ""], rows)
 
 
 def show_contacts(out: Console, contacts: Sequence[Contact]) -> None:
     """Where a hand touches."""
-    grid = table("#", "link", "position [mm]", "normal", "friction", "depth [mm]")
-    for i, c in enumerate(contacts):
-        position = vector(1e3 * c.position, 4)
-        depth = num(1e3 * c.depth, 2)
-        grid.add_row(str(i), c.link or "–", position, vector(c.normal), num(c.friction), depth)
-    out.print()
-    out.print(grid)
+    rows = [
+        (str(i), c.link or "–", vector(1e3 * c.position, 4), vector(c.normal), num(c.friction), num(1e3 * c.depth, 2))
+        for i, c in enumerate(contacts)
+    ]
+    print_table(out, ["#", "link", "position [mm]", "normal", "friction", "depth [mm]"], rows)
 
 
 def show_grasp(out: Console, grasp: Grasp) -> None:
@@ -301,11 +286,10 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
     show_contacts(out, grasp.contacts)
     if grasp.joints:
         laws = [joint_text(grasp, i) for i in range(grasp.l)]
-        grid = table("joint", "type", "moves contacts", *(["besides its motor"] if any(laws) else []))
-        for j, law in zip(grasp.joints, laws, strict=True):
-            grid.add_row(j.name, j.type, ", ".join(map(str, j.moves)) or "none", *([law] if any(laws) else []))
-        out.print()
-        out.print(grid)
+        columns = 4 if any(laws) else 3
+        each = zip(grasp.joints, laws, strict=True)
+        rows = [(j.name, j.type, ", ".join(map(str, j.moves)) or "none", law)[:columns] for j, law in each]
+        print_table(out, ["joint", "type", "moves contacts", "besides its motor"][:columns], rows)
 
 
 def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:

@@ -255,14 +255,14 @@ def show_grasps_question(out: Console, what: SavedGrasps, question: Mapping[str,
         "no grasp of these regions holds each load alone" if what.none else "each load alone is held under one preload"
     )
     out.print(f"\n{_opening(proved)} {held}; {facts}", soft_wrap=True)
-    grid = table("load", "at the object's origin", "")
+    rows = []
     for name, wrench, weight in zip(what.loads.names, what.loads.wrenches, what.loads.weights, strict=True):
         made = "as stated"
         if weight:
             factor = "" if weight.factor == 1 else f"{num(weight.factor)} × "
             made = f"{factor}weight of {num(body.mass or 0.0)} kg at {num(weight.g)} m/s²"
-        grid.add_row(name, words.load_text(wrench), made)
-    out.print(grid)
+        rows.append((name, words.load_text(wrench), made))
+    out.print(table(["load", "at the object's origin", ""], rows))
     parts = [f"{part} '{question[part]['name']}' sha256 {question[part]['sha256'][:DIGITS]}…" for part in RELATIVE]
     out.print(f"relative to {', '.join(parts)}", style="dim", soft_wrap=True)
     warning = "Checksums protect from damage, not from forgery: compare hand, object and task with those you mean."
