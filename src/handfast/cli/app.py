@@ -104,7 +104,9 @@ def _run(arguments: list[str]) -> int:
 
             print(f"handfast {__version__}")
             return console.ANSWERED
-        return parse(arguments).run()
+        asked = parse(arguments)
+        asked.refuse_files()
+        return asked.run()
     except InputError as error:
         return console.complain(str(error))
     except KeyboardInterrupt:

@@ -10,7 +10,7 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console, tables
 from handfast.cli.console import table
-from handfast.cli.options import Assignments, Command, Reported, assigned, check_writable
+from handfast.cli.options import Assignments, Command, EndsIn, Reported, assigned
 from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import contact_grasp
@@ -55,15 +55,12 @@ class Contacts(SceneOptions, Reported, Command):
     """torsional friction of soft fingers [m], or hand: what its MJCF says (condim 4); point contacts by default"""
     preload: Assignments = ()
     """actuator commands [N m, or N if prismatic or tendon] instead of the configuration's"""
-    output: Annotated[Path | None, arg(metavar="GRASP.json", aliases=["-o"])] = None
+    output: Annotated[Path | None, arg(metavar="GRASP.json", aliases=["-o"]), EndsIn((".json",))] = None
     """write the grasp file"""
     json: bool = False
     """print the grasp file on standard output"""
 
     def run(self) -> int:
-
-        check_writable(self.output, self.force, (".json",))
-        self.check_report()
         torsion = torsion_named(self.torsion)
         hand, body = self.load_scene()
         placed = load_placed(self.configuration)
@@ -115,16 +112,12 @@ class Close(SceneOptions, Reported, Command):
     """of the grasp: the hand's own motors and couplings, or one motor per joint"""
     preload: Assignments = ()
     """of the grasp: actuator commands instead of the file's"""
-    output: Annotated[Path | None, arg(metavar="CONFIGURATION.json", aliases=["-o"])] = None
+    output: Annotated[Path | None, arg(metavar="CONFIGURATION.json", aliases=["-o"]), EndsIn((".json",))] = None
     """write the closed configuration"""
-    grasp: Annotated[Path | None, arg(metavar="GRASP.json")] = None
+    grasp: Annotated[Path | None, arg(metavar="GRASP.json"), EndsIn((".json",))] = None
     """write the grasp file"""
 
     def run(self) -> int:
-
-        check_writable(self.output, self.force, (".json",))
-        check_writable(self.grasp, self.force, (".json",))
-        self.check_report()
         hand, body = self.load_scene()  # first: a hand that has to be downloaded is told before anything else
         placed = load_placed(self.pose)
         hand, q0 = placed.applied(hand)
@@ -186,7 +179,6 @@ class Close(SceneOptions, Reported, Command):
         return console.ANSWERED
 
     def _show(self, hand: Hand, closed: Closed) -> None:
-
         out = console.out()
         touching = ", ".join(closed.touching) or "no link"
         out.print(f"{words.count(len(closed.contacts), 'contact')}; touching: {touching}", style="bold")

@@ -43,7 +43,6 @@ class Demo(Command):
     """write over files that exist"""
 
     def run(self) -> int:
-
         check_folder(self.output)
         for name in FILES:
             check_writable(self.output / name, self.force, (Path(name).suffix,))
@@ -105,5 +104,4 @@ def _resisted(states: list[str]) -> str:
 
 
 def _say(out: Console, what: str, text: str) -> None:
-
     out.print(Text.assemble((f"{what:<9}", "bold"), text), soft_wrap=True)

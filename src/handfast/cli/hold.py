@@ -15,7 +15,7 @@ from tyro.conf import Positional, arg
 from handfast.cli import console
 from handfast.cli.console import print_table
 from handfast.cli.load_options import Disturbances
-from handfast.cli.options import QueryOptions, Saved, WorkOptions, check_folder
+from handfast.cli.options import QueryOptions, Saved, WorkOptions, check_folder, check_writable
 from handfast.cli.tables import STYLE
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
@@ -74,42 +74,36 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         return self._all(where) if where.is_dir() or where.suffix.lower() in TOGETHER else self._one()
 
     def _one(self) -> int:
-
         if self.scheduler:
             raise InputError("is for a folder of grasps; one is asked about", field="--scheduler")
+        check_writable(self.save, self.force, (".json",))
         grasp, options = self.load(), self.options()
         with console.watch("hold") as watch:
             answer = self._asked(grasp, self.grasp, options | {"on_progress": watch.say})
-        if self.save:
-            answer.save(self.save, force=self.force)
-        if self.report:
-            self._report(grasp, answer, options)
-        if self.json:
-            console.print_json(answer.to_json())
-        else:
-            show_hold(console.out(), grasp, answer, self.eta, self._why(answer))
-            if answer.margin is not None and answer.margin < LITTLE and self.safety == 1 and answer.upper > 0:
-                console.out().print("The smallest preload leaves its hardest load no more; --safety 1.5 asks for 1.5.")
-            if answer.margins and self.safety != 1:
-                console.out().print(f"Margins are of the loads above, which are {self.safety:g} times what was given.")
-            if self.gravity:
-                console.out().print(self.weight_text(grasp), style="dim")
-            console.say_written(console.out(), self.save, self.report)
+        held = grasp if answer.preload is None else grasp.with_commands(answer.preload)
+        self.finish(held, answer, self._entries(answer), lambda out: self._show(out, grasp, answer))
         return status(answer)
 
-    def _asked(self, grasp: Grasp, source: str, options: dict[str, Any]) -> HoldAnswer:
+    def _show(self, out: Console, grasp: Grasp, answer: HoldAnswer) -> None:
+        show_hold(out, grasp, answer, self.eta, self._why(answer))
+        if answer.margin is not None and answer.margin < LITTLE and self.safety == 1 and answer.upper > 0:
+            out.print("The smallest preload leaves its hardest load no more; --safety 1.5 asks for 1.5.")
+        if answer.margins and self.safety != 1:
+            out.print(f"Margins are of the loads above, which are {self.safety:g} times what was given.")
+        if self.gravity:
+            out.print(self.weight_text(grasp), style="dim")
+        console.say_written(out, self.save, self.report)
 
+    def _asked(self, grasp: Grasp, source: str, options: dict[str, Any]) -> HoldAnswer:
         loads = self.disturbances(grasp, source).scaled(self.safety)
         asked: dict[str, Any] = {"least": self.least, "margins": self.margin, "command_limit": self.command_limit}
         return hold(grasp, loads, timeout=self.timeout, **asked, **options)
 
-    def _report(self, grasp: Grasp, answer: HoldAnswer, options: dict[str, Any]) -> None:
-
-        if answer.preload is None:
+    def _entries(self, answer: HoldAnswer) -> list[Entry]:
+        if self.report and answer.preload is None:
             raise InputError("shows loads under a preload, and none was found", field="--report")
         named = zip(answer.loads.names, answer.checks, strict=True)
-        entries = [Entry(f"Does it hold “{name}”?", a, options["limits"].eta) for name, a in named]
-        self.write_report(grasp.with_commands(answer.preload), entries, options)
+        return [Entry(f"Does it hold “{name}”?", a, self.limits.eta) for name, a in named]
 
     def _why(self, answer: HoldAnswer) -> str:
         """Why an answer is not complete, and what helps; '' if it is."""
@@ -131,7 +125,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
     # --- of several grasps
 
     def _all(self, where: Path) -> int:
-
         if self.report:
             raise InputError("is a page about one grasp; several are asked about", field="--report")
         self.check_given()
@@ -163,7 +156,7 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
     def held(self, row: DatasetRow) -> HeldGrasp:
         """What is known of a row; a fault in it is its reason."""
 
-        options = replace(self, save=None).options()  # its folder was looked at before
+        options = self.options()
         try:
             if isinstance(row.content, FaultyRow):
                 return HeldGrasp(row.name, None, row.content.reason)

@@ -143,7 +143,6 @@ class Label(JointLawOptions, WorkOptions, Command):
         return console.ANSWERED if summary.labelled else console.BAD_INPUT
 
     def _labelling(self) -> Labelling:
-
         pulls: list[Any] = []
         for g in self.gravity:
             pulls += AXES if g == ALL else [tuple(g)]
@@ -158,13 +157,11 @@ class Label(JointLawOptions, WorkOptions, Command):
         )
 
     def _changes(self) -> GraspChanges:
-
         preload = assigned(self.preload, "--preload") if self.preload else None
         place: Any = tuple(self.center_of_mass) or None
         return GraspChanges(self.mass, place, self.friction, preload)
 
     def _scene(self) -> SceneSource | None:
-
         laws_named(self.joint_laws, "--joint-laws")
         if bool(self.hand) != bool(self.object):
             raise InputError("is missing; a table of postures needs both", field="--object" if self.hand else "--hand")
@@ -178,7 +175,6 @@ class Label(JointLawOptions, WorkOptions, Command):
         return SceneSource.of(self.hand, self.object, **how, **laws)
 
     def _show(self, summary: LabelSummary, files: list[Path]) -> None:
-
         out = console.out()
         out.print(
             f"{summary.labelled} of {count(summary.rows, 'grasp')} labelled, {summary.broken} broken", style="bold"

@@ -235,7 +235,6 @@ class SearchFlags(LoadsOptions, WorkOptions, Reported):
     def options(self, kind: type[SearchOptions], **more: Any) -> Any:
         """The options of the API, of a kind: by their names, `more` where these are others on the command line."""
 
-        self.check_report()
         limits = PlanLimits(
             command_limit=self.command_limit,
             torque_limits=assigned(self.torque_limit, "--torque-limit"),

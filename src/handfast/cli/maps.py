@@ -11,12 +11,12 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console, tables
 from handfast.cli.load_options import WeightOptions
-from handfast.cli.options import Command, QueryOptions, Triple, Wrench, check_writable, write_as
+from handfast.cli.options import Command, EndsIn, QueryOptions, Triple, Wrench, write_as
 from handfast.core.errors import InputError
 from handfast.pictures import Entry
 from handfast.stability.studies.maps import MapAnswer, SweepAnswer, force_map, sweep
 
-ENDINGS = (".png", ".svg", ".csv", ".json")
+Figures = Annotated[Path | None, arg(metavar="FILE", aliases=["-o"]), EndsIn((".png", ".svg", ".csv", ".json"))]
 
 
 @dataclass(kw_only=True)
@@ -33,7 +33,7 @@ class Map(QueryOptions, Command):
     """point of the object at which the forces act [m], object frame; its centre of mass, for a map of weights"""
     steps: Annotated[int, arg(metavar="N")] = 360
     """number of directions"""
-    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    output: Figures = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
     interval: bool = False
     """show in every direction which smaller forces slip, too; takes many times as long"""
@@ -43,9 +43,7 @@ class Map(QueryOptions, Command):
     """weight of the object [N], a circle in the picture: red where the grasp resists less"""
 
     def run(self) -> int:
-
         grasp, options = self.load(), self.options()
-        check_writable(self.output, self.force, ENDINGS)
         for name, force in (("--limit", self.limit), ("--weight", self.weight)):
             if force is not None and not 0 < force < float("inf"):
                 raise InputError(f"is {force:g}; a force above 0 [N] is needed", field=name)
@@ -55,15 +53,9 @@ class Map(QueryOptions, Command):
             answer = force_map(grasp, self.plane, **options)
         if self.output:
             save_map(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)
-        if self.report:
-            title = f"Which forces in the {self.plane} plane does it resist?"
-            entry = Entry(title, answer, eta=options["limits"].eta, limit=self.limit, weight=self.weight)
-            self.write_report(grasp, [entry], options)
-        if self.json:
-            console.print_json(answer.to_json())
-        else:
-            tables.show_map(console.out(), answer, self)
-        return console.status(answer.verdict, answer.stop)
+        title = f"Which forces in the {self.plane} plane does it resist?"
+        entry = Entry(title, answer, eta=self.limits.eta, limit=self.limit, weight=self.weight)
+        return self.finish(grasp, answer, [entry], lambda out: tables.show_map(out, answer, self))
 
 
 def save_map(
@@ -120,15 +112,13 @@ class Sweep(QueryOptions, WeightOptions):
     """direction of a disturbance, once for each curve; three numbers are a force"""
     gravity: Triple = ()
     """instead: the direction in which gravity pulls, object axes; the answer multiplies the object's weight"""
-    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    output: Figures = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
 
     def run(self) -> int:
-
         grasp, options = self.load(), self.options()
         self.check_one(self.direction, self.gravity)
         directions = self.direction or (self.one_wrench((), self.gravity, grasp, self.grasp),)
-        check_writable(self.output, self.force, ENDINGS)
         if self.steps < 2:
             raise InputError(f"is {self.steps}; at least 2 commands are needed", field="--steps")
         for value, field in ((self.from_, "--from"), (self.to, "--to")):
@@ -139,15 +129,8 @@ class Sweep(QueryOptions, WeightOptions):
             answer = sweep(grasp, self.joint, values, directions, on_progress=watch.item, **options)
         if self.output:
             save_sweep(answer, self.output, force=self.force)
-        if self.report:
-            title = f"How does the command of {self.joint} change what it resists?"
-            entry = Entry(title, answer, eta=options["limits"].eta)
-            self.write_report(grasp, [entry], options)
-        if self.json:
-            console.print_json(answer.to_json())
-        else:
-            tables.show_sweep(console.out(), answer, self)
-        return console.status(answer.verdict, answer.stop)
+        entry = Entry(f"How does the command of {self.joint} change what it resists?", answer, eta=self.limits.eta)
+        return self.finish(grasp, answer, [entry], lambda out: tables.show_sweep(out, answer, self))
 
 
 def save_sweep(answer: SweepAnswer, path: Path, *, force: bool = False) -> None:

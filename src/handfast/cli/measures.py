@@ -11,6 +11,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.console import print_table
+from handfast.cli.maps import Figures
 from handfast.cli.options import (
     Assignments,
     Command,
@@ -18,7 +19,6 @@ from handfast.cli.options import (
     Reported,
     Triple,
     assigned,
-    check_writable,
     write_as,
 )
 from handfast.core.errors import InputError
@@ -27,8 +27,6 @@ from handfast.measures.passive import GAP
 from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.stability.problem.settings import Settings
-
-ENDINGS = (".png", ".svg", ".csv", ".json")
 
 
 @dataclass(kw_only=True)
@@ -54,13 +52,10 @@ class MeasureGrasp(GraspOptions, Reported, Command):
     """leave out the passive maxima, which are searches and may take seconds"""
     nodes: Annotated[float, arg(metavar="N")] = 1000
     """nodes of the search for each passive maximum"""
-    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    output: Figures = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
 
     def run(self) -> int:
-
-        check_writable(self.output, self.force, ENDINGS)
-        self.check_report()
         grasp = self.load()
         try:
             found = measure(

@@ -9,19 +9,23 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, get_type_hints
 
 from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import PrimitiveConstructorSpec
 
+from handfast.cli import console
 from handfast.core import bundled
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import Console
 
+    from handfast.core.answer import Stop, Verdict
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
+    from handfast.stability.problem.grasp_limits import GraspLimits
     from handfast.stability.problem.settings import Settings
     from handfast.synthesis.task import Task
 
@@ -139,6 +143,28 @@ def refuse_hand(name: str) -> None:
         raise InputError(f"is {OTHERS[schema]}, and a grasp is needed", source=name)
 
 
+class Written(Protocol):
+    """An answer that can be written as numbers."""
+
+    def to_json(self) -> dict[str, Any]: ...
+
+
+class Answered(Written, Protocol):
+    """An answer that ends with a verdict, and can be saved if it has `save`."""
+
+    @property
+    def verdict(self) -> Verdict: ...
+    @property
+    def stop(self) -> Stop: ...
+
+
+@dataclass(frozen=True)
+class EndsIn:
+    """Of an option that names a file to be written: how the name may end."""
+
+    endings: tuple[str, ...]
+
+
 class Command:
     """A subcommand: its fields are its arguments."""
 
@@ -149,6 +175,13 @@ class Command:
     def needed(cls) -> str:
         """The options of `one_of` as a complaint lists them."""
         return ", or ".join(cls.one_of)
+
+    def refuse_files(self) -> None:
+        """`InputError` for a file that could not be written, before the work that would fill it."""
+        for name, hint in get_type_hints(type(self), include_extras=True).items():
+            for about in getattr(hint, "__metadata__", ()):
+                if isinstance(about, EndsIn):
+                    check_writable(getattr(self, name), getattr(self, "force", False), about.endings)
 
     @abstractmethod
     def run(self) -> int:
@@ -224,12 +257,8 @@ class Printed:
 class Reported(Printed):
     """A page about the answer."""
 
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    report: Annotated[Path | None, arg(metavar="FILE.html"), EndsIn((".html", ".htm"))] = None
     """write a self-contained page with pictures and numbers"""
-
-    def check_report(self) -> None:
-        """Refuse a page that could not be written."""
-        check_writable(self.report, self.force, (".html", ".htm"))
 
     def write_page(
         self, grasp: Grasp, entries: Sequence[Entry] = (), *, notes: Sequence[str] = (), **shown: Any
@@ -262,37 +291,51 @@ class QueryOptions(GraspOptions, Reported):
     nodes: Annotated[float, arg(metavar="N")] = float("inf")
     """nodes of the search for a question (in a map or sweep: for each direction)"""
 
-    def write_report(self, grasp: Grasp, entries: Sequence[Entry], options: dict[str, Any]) -> None:
-        """The page that `--report` asks for, with what the answers were computed with."""
-        self.write_page(grasp, entries, settings=options["settings"])
+    def finish(
+        self, grasp: Grasp, answer: Answered, entries: Sequence[Entry], show: Callable[[Console], None], note: str = ""
+    ) -> int:
+        """Save an answer, write the page about it, print it as JSON or in words; returns the exit status.
+
+        Args:
+            entries: of the page.
+            show: prints it in words. note: below them.
+        """
+        if path := getattr(self, "save", None):
+            answer.save(path, force=self.force)  # type: ignore[attr-defined]
+        self.write_page(grasp, entries, settings=self.settings())
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            show(console.out())
+            if note:
+                console.out().print(note, style="dim")
+        return console.status(answer.verdict, answer.stop)
 
     def settings(self) -> Settings:
         from handfast.stability.problem.settings import Settings
 
         return Settings(gap=self.gap, timeout=self.timeout, nodes=self.nodes)
 
-    def options(self) -> dict[str, Any]:
-        """Keyword arguments that all queries take."""
+    @property
+    def limits(self) -> GraspLimits:
+        """The limits in SI units."""
         import numpy as np
 
         from handfast.stability.problem.grasp_limits import GraspLimits
 
-        self.check_report()
-        if isinstance(self, Saved):
-            check_writable(self.save, self.force, (".json",))
-        return {
-            "limits": GraspLimits(
-                float(np.radians(self.eta)), assigned(self.torque_limit, "--torque-limit"), self.force_limit
-            ),
-            "settings": self.settings(),
-        }
+        torques = assigned(self.torque_limit, "--torque-limit")
+        return GraspLimits(float(np.radians(self.eta)), torques, self.force_limit)
+
+    def options(self) -> dict[str, Any]:
+        """Keyword arguments that all queries take."""
+        return {"limits": self.limits, "settings": self.settings()}
 
 
 @dataclass(kw_only=True)
 class Saved:
     """An answer that can be saved with what backs it."""
 
-    save: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    save: Annotated[Path | None, arg(metavar="FILE.json"), EndsIn((".json",))] = None
     """write answer, witness and certificate, for handfast verify"""
 
 
@@ -324,15 +367,9 @@ def check_writable(path: Path | None, force: bool, endings: Sequence[str]) -> No
         raise InputError("exists already; give --force to write over it", source=str(path))
 
 
-class _Written(Protocol):
-    """An answer that can be written as numbers."""
-
-    def to_json(self) -> dict[str, Any]: ...
-
-
 def write_as(
     path: Path,
-    answer: _Written,
+    answer: Written,
     draw: Callable[[], Figure],
     csv: Callable[[], str] | None = None,
     *,

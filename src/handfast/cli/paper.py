@@ -146,7 +146,6 @@ class Paper(Command):
         return console.ANSWERED
 
     def _exhibit(self) -> int:
-
         is_table = "table" in self.what
         file = self.output or (None if is_table else Path(f"{self.what}.svg"))
         if EXHIBITS[self.what].make is not None:
@@ -171,7 +170,6 @@ class Paper(Command):
         return console.ANSWERED
 
     def _effort(self) -> MakingOptions:
-
         steps, count = self.steps, self.count
         if self.quick:
             steps, count = steps or (6 if self.what == "fig12" else 24), count or (4 if self.what == "table1" else 1)
@@ -201,7 +199,6 @@ class Paper(Command):
         return console.UNDECIDED if answer.undecided else console.ANSWERED
 
     def _asked(self) -> MethodOptions:
-
         from handfast.papers.box_shrinking import Over
         from handfast.papers.methods import MethodOptions
 
@@ -237,7 +234,6 @@ def _records(made: TextTable) -> list[dict[str, str]]:
 
 
 def _print(out: Console, made: TextTable) -> None:
-
     out.print(console.table(made.heads, made.rows))
     for note in made.notes:
         out.print(note, style="dim")

@@ -162,7 +162,6 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         return self.asked(body)
 
     def _show(self, planned: Plan) -> None:
-
         out = console.out()
         found = f"{planned.body.name}: {words.count(len(planned.grasps), 'grasp')}"
         first = "" if planned.first is None else f", the first after {planned.first:.1f} s"

@@ -55,7 +55,6 @@ class Propose(ObjectOptions, Reported, Command):
         from handfast.planning.propose_tasks import ProposeOptions, propose
 
         check_folder(self.output)
-        self.check_report()
         hand = load_hand(self.hand)
         body = self.load_object(self.object, self.scale)
         console.warn(compared(hand, body))
@@ -92,7 +91,6 @@ class Propose(ObjectOptions, Reported, Command):
         return self.output / f"{name}.body.json"
 
     def _show(self, found: Proposals, written: list[Path]) -> None:
-
         out = console.out()
         clear = sum(p.clear for p in found.proposals)
         what = f"{len(found.proposals)} of {found.tried} candidates certified and kept, {clear} of them clear"

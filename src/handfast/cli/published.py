@@ -73,7 +73,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     """the first N grasps only"""
 
     def run(self) -> int:
-
         if not self.files:
             raise InputError("missing: FILE..., files of published grasps, or folders of them", source="import")
         if self.output is None:
@@ -119,7 +118,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         return console.ANSWERED if good else console.BAD_INPUT
 
     def _check(self) -> None:
-
         for field, value in (
             *(("--threshold", self.threshold), ("--scale", self.scale), ("--gain", self.gain)),
             *(("--mass", self.mass), ("--count", self.count)),
@@ -138,7 +136,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
                 raise InputError("is no folder; the objects' meshes are needed", source=str(folder))
 
     def _check_object(self, path: Path) -> None:
-
         if path.is_dir() and not meshes_of(path):
             raise InputError("is a folder without meshes; convex pieces are needed", source=self.object)
         if not path.exists():
@@ -147,7 +144,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             )
 
     def _mapping(self, hand: Hand, found: list[Source]) -> tuple[str, HandMapping]:
-
         if self.mapping:
             return self.mapping, load_mapping(self.mapping, hand)
         layouts = sorted({s.layout for s in found if s.layout})
@@ -160,7 +156,6 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         return mapping_for(layouts[0], hand)
 
     def _show(self, rows: list[ImportedGrasp], mapping: str) -> None:
-
         out = console.out()
         good = [r for r in rows if not r.reason]
         layouts = ", ".join(sorted({r.source.layout for r in rows if r.source.layout}))
@@ -241,7 +236,6 @@ class ExportGrasps(Command):
     """write over files that exist"""
 
     def run(self) -> int:
-
         if self.layout == SCENE:
             return self._scenes()
         if self.layout not in ENDING:
@@ -261,7 +255,6 @@ class ExportGrasps(Command):
         return console.ANSWERED
 
     def _scenes(self) -> int:
-
         for option, given in (("--hand", self.hand), ("--mapping", self.mapping)):
             if given:
                 raise InputError("is of other layouts; grasp files say their hand", field=option)

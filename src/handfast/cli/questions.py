@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
+from rich.console import Console
 from tyro.conf import arg
 
 from handfast.cli import console, tables
@@ -34,7 +35,6 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
     """contact stiffness for --margin [N/m]; by default that of a rubber fingertip pad, 10000"""
 
     def run(self) -> int:
-
         if self.stiffness is not None and not self.margin:
             raise InputError("--stiffness is for --margin; give both")
         if self.margin and self.loading != "together":
@@ -47,8 +47,7 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
             answers = [self._asked(grasp, wrench, options, watch) for wrench in loads.wrenches]
         if self.save:
             answers[0].save(self.save, force=self.force)
-        if self.report:
-            self._report(grasp, loads, answers, options)
+        self.write_page(grasp, self._entries(loads, answers), settings=self.settings())
         if self.json:
             several = {"schema": "handfast/answers/1", "query": "check", "loads": loads.by_name}
             found = dict(zip(loads.names, (a.to_json() for a in answers), strict=True))
@@ -62,7 +61,6 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
         return max(console.status(a.verdict, a.margin.stop if a.margin else a.stop) for a in answers)
 
     def _asked(self, grasp: Grasp, wrench: Array, options: dict[str, Any], watch: Watch) -> CheckAnswer:
-
         answer = check(grasp, wrench, mdp=self.mdp, loading=self.loading, on_progress=watch.step, **options)
         if not self.margin:
             return answer
@@ -70,23 +68,12 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
         asked = options | {"mdp": self.mdp, "stiffness": k, "answer": answer, "on_progress": watch.say}
         return replace(answer, margin=margin(grasp, wrench, **asked))
 
-    def _report(self, grasp: Grasp, loads: Loads, answers: list[CheckAnswer], options: dict[str, Any]) -> None:
-
-        named = zip(loads.names, loads.wrenches, answers, strict=True)
-        many = len(loads) > 1
-        entries = [
-            Entry(
-                f"Does it hold “{name}”?" if many else f"Does it resist {load_text(w)}?",
-                a,
-                options["limits"].eta,
-                self.mdp,
-            )
-            for name, w, a in named
-        ]
-        self.write_report(grasp, entries, options)
+    def _entries(self, loads: Loads, answers: list[CheckAnswer]) -> list[Entry]:
+        titles = [f"Does it hold “{name}”?" for name in loads.names]
+        titles = titles if len(loads) > 1 else [f"Does it resist {load_text(loads.wrenches[0])}?"]
+        return [Entry(title, a, self.limits.eta, self.mdp) for title, a in zip(titles, answers, strict=True)]
 
     def _show(self, grasp: Grasp, wrench: Array, answer: CheckAnswer, options: dict[str, Any]) -> None:
-
         tables.show_check(console.out(), grasp, wrench.tolist(), answer, self)
         if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench) and answer.path is None:
             # too much, too little, or was there no equilibrium to disturb? A short look tells
@@ -111,27 +98,19 @@ class Max(Direction, QueryOptions, Saved, LoadingOrder, FrictionModel):
     """show up to which magnitude everything is resisted, and where there are holes"""
 
     def run(self) -> int:
-
         grasp, options = self.load(), self.options()
         direction = self.along(grasp, self.grasp)
         options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval, "loading": self.loading}
         with console.watch("max") as watch:
             answer = maximum(grasp, direction, on_progress=watch.step, **options)
-        if self.save:
-            answer.save(self.save, force=self.force)
-        if self.report:
-            beside = f" beside {load_text(self.base)}" if self.base else ""
-            title = f"How much {direction_text(direction)} does it resist{beside}?"
-            entry = Entry(title, answer, eta=options["limits"].eta, mdp=self.mdp, direction=direction)
-            self.write_report(grasp, [entry], options)
-        if self.json:
-            console.print_json(answer.to_json())
-        else:
-            tables.show_max(console.out(), grasp, direction, answer, self)
-            if self.gravity:
-                times = "any multiple of" if answer.unbounded else f"{num(answer.lower)} times"
-                console.out().print(f"It resists {times} the weight. {self.weight_text(grasp)}", style="dim")
-        return console.status(answer.verdict, answer.stop)
+        beside = f" beside {load_text(self.base)}" if self.base else ""
+        title = f"How much {direction_text(direction)} does it resist{beside}?"
+        entry = Entry(title, answer, eta=self.limits.eta, mdp=self.mdp, direction=direction)
+        times = "any multiple of" if answer.unbounded else f"{num(answer.lower)} times"
+        note = f"It resists {times} the weight. {self.weight_text(grasp)}" if self.gravity else ""
+        return self.finish(
+            grasp, answer, [entry], lambda out: tables.show_max(out, grasp, direction, answer, self), note
+        )
 
 
 @dataclass(kw_only=True)
@@ -145,21 +124,14 @@ class Torques(Load, QueryOptions, Saved):
     """make the largest command small, or the sum of all"""
 
     def run(self) -> int:
-
         grasp, options = self.load(), self.options()
         wrench = self.disturbance(grasp, self.grasp)
         with console.watch("torques") as watch:
             answer = torques(grasp, wrench, objective=self.objective, on_progress=watch.step, **options)
-        if self.save:
-            answer.save(self.save, force=self.force)
-        if self.report:
-            title = f"Which commands resist {load_text(wrench)}?"
-            entry = Entry(title, answer, eta=options["limits"].eta)
-            self.write_report(grasp, [entry], options)
-        if self.json:
-            console.print_json(answer.to_json())
-        else:
-            tables.show_torques(console.out(), grasp, wrench, answer, self.objective, self)
-            if self.gravity:
-                console.out().print(self.weight_text(grasp), style="dim")
-        return console.status(answer.verdict, answer.stop)
+        entry = Entry(f"Which commands resist {load_text(wrench)}?", answer, eta=self.limits.eta)
+        note = self.weight_text(grasp) if self.gravity else ""
+
+        def show(out: Console) -> None:
+            tables.show_torques(out, grasp, wrench, answer, self.objective, self)
+
+        return self.finish(grasp, answer, [entry], show, note)

@@ -12,7 +12,7 @@ from tyro.conf import arg
 from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.load_options import Direction
-from handfast.cli.options import GraspOptions, Reported, Wrench, check_writable, write_as
+from handfast.cli.options import EndsIn, GraspOptions, Reported, Wrench, write_as
 from handfast.core.errors import InputError
 from handfast.pictures import Entry
 from handfast.pictures.words import direction_text, magnitude, num
@@ -44,13 +44,10 @@ class Robust(Direction, GraspOptions, Reported):
     """of the samples: the same seed gives the same grasps"""
     timeout: Annotated[float, arg(metavar="S")] = 10.0
     """seconds for each grasp"""
-    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"]), EndsIn((".png", ".svg", ".json"))] = None
     """picture (.png, .svg) or numbers (.json)"""
 
     def run(self) -> int:
-
-        check_writable(self.output, self.force, (".png", ".svg", ".json"))
-        self.check_report()
         grasp, bounds = self.load(), self._bounds()
         direction = self.along(grasp, self.grasp)
         with console.watch("robust") as watch:
@@ -81,7 +78,6 @@ class Robust(Direction, GraspOptions, Reported):
         self.write_page(found.grasp, [entry], notes=notes, gallery=[picture])
 
     def _bounds(self) -> Perturbation:
-
         for name in ("positions", "normals", "frictions", "commands"):
             value = getattr(self, name)
             most = {"positions": np.inf, "normals": 45.0}.get(name, 1.0)

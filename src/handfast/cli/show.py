@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.console import table
-from handfast.cli.options import Command, Printed, check_writable
+from handfast.cli.options import Command, EndsIn, Printed
 from handfast.cli.scene_options import load_object, load_placed
 from handfast.core.errors import InputError
 from handfast.pictures import hand_rows
@@ -40,12 +40,12 @@ class Show(Printed, Command):
     """the hand's regions, a handfast/hand-regions/1 file; bundled, or guessed from the hand's shapes, if absent"""
     scale: Annotated[float, arg(metavar="M")] = 1.0
     """metres per unit of a mesh file"""
-    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"]), EndsIn((".html", ".htm", ".png", ".svg"))] = (
+        None
+    )
     """a self-contained page with a slider for each joint (.html), or a still picture (.png, .svg)"""
 
     def run(self) -> int:
-
-        check_writable(self.output, self.force, (".html", ".htm", ".png", ".svg"))
         hand, q, pose = load_hand(self.hand), None, None
         if self.configuration:
             placed = load_placed(self.configuration)
@@ -74,14 +74,12 @@ class Show(Printed, Command):
         return console.ANSWERED
 
     def _say(self, shown: ShownHand) -> None:
-
         out = console.out()
         out.print(f"{shown.facts.hand.name}: {hand_rows.counts(shown.facts)}", style="bold")
         for text in shown.facts.missing:
             out.print(text, soft_wrap=True)
 
     def _tables(self, shown: ShownHand) -> None:
-
         out, facts = console.out(), shown.facts
         grid = table(["", ""], hand_rows.overview(facts) + hand_rows.object_facts(shown))
         grid.show_header = False

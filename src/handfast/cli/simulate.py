@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.load_options import Load
-from handfast.cli.options import GraspOptions, Reported, check_folder, check_writable
+from handfast.cli.options import EndsIn, GraspOptions, Reported, check_folder
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
@@ -40,22 +40,18 @@ class Simulate(GraspOptions, Load, Reported):
     """simulated seconds over which the load grows"""
     json: bool = False
     """print one JSON object instead of a table"""
-    save: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    save: Annotated[Path | None, arg(metavar="FILE.json"), EndsIn((".json",))] = None
     """write the result with its history"""
-    series: Annotated[Path | None, arg(metavar="FILE.csv")] = None
+    series: Annotated[Path | None, arg(metavar="FILE.csv"), EndsIn((".csv",))] = None
     """write the history as a table"""
-    strip: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    strip: Annotated[Path | None, arg(metavar="FILE.png"), EndsIn((".png",))] = None
     """write a strip of pictures"""
-    film: Annotated[Path | None, arg(metavar="FILE.gif")] = None
+    film: Annotated[Path | None, arg(metavar="FILE.gif"), EndsIn((".gif",))] = None
     """write an animation"""
     force: bool = False
     """write over files that exist"""
 
     def run(self) -> int:
-
-        for path, ending in ((self.save, ".json"), (self.series, ".csv"), (self.strip, ".png"), (self.film, ".gif")):
-            check_writable(path, self.force, (ending,))
-        self.check_report()
         grasp = self.load()
         wrench = self.disturbance(grasp, self.grasp)
         with console.watch("simulate") as watch:
@@ -72,7 +68,6 @@ class Simulate(GraspOptions, Load, Reported):
         return console.UNDECIDED if open_ else console.ANSWERED
 
     def _write(self, found: SimulationResult) -> None:
-
         if self.save:
             found.save(self.save, force=self.force)
         if self.series:
@@ -145,13 +140,10 @@ class Settle(GraspOptions, Load, Reported):
     """seconds for each question about the grasps"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
     """write both grasps, the configuration at rest and the path"""
-    strip: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    strip: Annotated[Path | None, arg(metavar="FILE.png"), EndsIn((".png",))] = None
     """write pictures of the path"""
 
     def run(self) -> int:
-
-        self.check_report()
-        check_writable(self.strip, self.force, (".png",))
         self._check_output()
         grasp = self.load()
         wrench = self.disturbance(grasp, self.grasp)
@@ -180,7 +172,6 @@ class Settle(GraspOptions, Load, Reported):
             raise InputError("exists already; give --force to write over it", source=str(there))
 
     def _write(self, found: Settled) -> None:
-
         if self.output:
             found.save(self.output, force=self.force)
         if self.report:

@@ -14,7 +14,7 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.console import print_table, table
-from handfast.cli.options import Command, Reported, check_writable, load_solvable
+from handfast.cli.options import Command, EndsIn, Reported, check_writable, load_solvable
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes
@@ -47,21 +47,17 @@ class Synthesize(Reported, Command):
     """boxes of the search for a contradiction"""
     resume: Annotated[Path | None, arg(metavar="FILE.json")] = None
     """go on from an undecided answer that --save wrote"""
-    save: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    save: Annotated[Path | None, arg(metavar="FILE.json"), EndsIn((".json",))] = None
     """write task, answer and proofs, for handfast verify and --resume"""
     configuration: Annotated[Path | None, arg(metavar="FILE.json")] = None
     """write the configuration, for handfast contacts; several as FILE-1.json, FILE-2.json, ..."""
-    output: Annotated[Path | None, arg(metavar="FILE.png", aliases=["-o"])] = None
+    output: Annotated[Path | None, arg(metavar="FILE.png", aliases=["-o"]), EndsIn((".png", ".svg"))] = None
     """picture of the first configuration (.png, .svg)"""
 
     def run(self) -> int:
-
         task = load_solvable(self.task)
         if self.count < 1:
             raise InputError(f"is {self.count}; at least 1 is needed", field="--count")
-        check_writable(self.save, self.force, (".json",))
-        self.check_report()
-        check_writable(self.output, self.force, (".png", ".svg"))
         for path in self._configurations(self.count):
             check_writable(path, self.force, (".json",))
         with console.watch("synthesize") as watch:

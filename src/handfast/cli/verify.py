@@ -55,7 +55,6 @@ class Verify(Command):
     """print one JSON object instead of a table"""
 
     def run(self) -> int:
-
         start = time.monotonic()
         with console.watch("verify") as watch:
             done = verify(
