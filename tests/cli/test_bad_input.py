@@ -13,11 +13,12 @@ import pytest
 from handfast import load_body, load_configuration, load_grasp, load_hand, load_task
 from handfast.core import bundled
 from handfast.core.errors import InputError
-from handfast.core.files import DEPTH, DIGITS, parse_json
+from handfast.core.files import parse_json
 from handfast.core.transforms import FARTHEST, transform
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import SMALLEST, Shape
+from handfast.proofs.strict_json import DEPTH, DIGITS
 from handfast.readers.grasp_file import from_dict
 from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify

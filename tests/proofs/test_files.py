@@ -67,6 +67,7 @@ def test_numbers_that_nothing_has(written, text: str) -> None:
     [
         (r"\ud800", r"contains half a character (a lone surrogate such as \ud800)"),
         (r"a\nPROVED", r"contains 'a\nPROVED'; names and texts are one line without control characters"),
+        ("\x9b31m", r"contains '\x9b31m'; names and texts are one line without control characters"),
         (r"\u001b[31m", r"contains '\x1b[31m'; names and texts are one line without control characters"),
     ],
 )
@@ -112,7 +113,7 @@ def test_what_is_no_json(written, text: str | bytes) -> None:
 
 
 def test_where_json_ends(written) -> None:
-    with refused("is not valid JSON: Expecting value: line 2 column 2 (char 3)", "place"):
+    with refused("is not valid JSON: Expecting value (line 2, column 2)", "place"):
         files.read_json(written("[\n ,"), "place")
 
 

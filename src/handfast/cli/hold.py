@@ -100,7 +100,9 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         return hold(grasp, loads, timeout=self.timeout, **asked, **options)
 
     def _entries(self, answer: HoldAnswer) -> list[Entry]:
-        if self.report and answer.preload is None:
+        if not self.report:
+            return []
+        if answer.preload is None:
             raise InputError("shows loads under a preload, and none was found", field="--report")
         named = zip(answer.loads.names, answer.checks, strict=True)
         return [Entry(f"Does it hold “{name}”?", a, self.limits.eta) for name, a in named]

@@ -15,7 +15,6 @@ from handfast.cli.options import Command, Printed, WorkOptions
 from handfast.cli.scene_options import JointLawOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
-from handfast.core.files import LARGEST
 from handfast.datasets.published.exporting import ENDING, export, exported_from
 from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
 from handfast.datasets.published.importing import ImportedGrasp, Importer, Treatment, imported
@@ -25,6 +24,7 @@ from handfast.datasets.published.object_finder import meshes_of
 from handfast.datasets.published.published_file import Source, published_files, sources
 from handfast.model.hand import Hand
 from handfast.pictures import words
+from handfast.proofs.strict_json import LARGEST
 from handfast.readers.load_hand import load_hand
 
 

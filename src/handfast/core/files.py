@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import unicodedata
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -16,11 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from handfast.core import bundled
 from handfast.core.errors import InputError
+from handfast.proofs import strict_json
 
 SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
-DEPTH = 50  # of lists and objects in each other; our own files need ten
-LARGEST = 1e50  # nothing that is measured comes near, and no product of a few numbers overflows
-DIGITS = 50  # of a whole number
 
 
 class Strict(BaseModel):
@@ -121,82 +117,11 @@ def refuse_existing(path: str | Path, *, force: bool) -> None:
 
 
 def parse_json(text: str) -> Any:
-    """Parsed JSON, which any code may walk through and write again.
-
-    Raises:
-        InputError: no JSON; NaN, infinity or a number beyond `LARGEST`; a name twice in one object; half a
-            character, or a control character, which could fake lines of what is printed; more than `DEPTH` lists
-            and objects in each other.
-    """
+    """Parsed JSON, which any code may walk through and write again; `InputError` for what `strict_json` refuses."""
     try:
-        data = json.loads(text, parse_constant=_refused, parse_int=_whole, parse_float=_real, object_pairs_hook=_object)
-    except json.JSONDecodeError as error:
-        raise InputError(f"is not valid JSON: {error.msg} (line {error.lineno}, column {error.colno})") from None
-    except RecursionError:
-        raise _too_deep() from None
-    if _deeper(data, DEPTH):
-        raise _too_deep()
-    if "\\" in text:  # else every character is as it stands, and none that JSON refuses
-        for word in _words(data):
-            kinds = set(map(unicodedata.category, word))
-            if "Cc" in kinds:
-                raise InputError(f"contains {word[:40]!r}; names and texts are one line without control characters")
-            if "Cs" in kinds:
-                raise InputError("contains half a character (a lone surrogate such as \\ud800)")
-    return data
-
-
-def _words(data: Any) -> Iterator[str]:
-    """All texts and names in parsed JSON."""
-    if isinstance(data, str):
-        yield data
-    elif isinstance(data, dict):
-        yield from data
-        data = list(data.values())
-    if isinstance(data, list):
-        for x in data:
-            yield from _words(x)
-
-
-def _refused(constant: str) -> Any:
-    raise InputError(f"contains {constant}; finite numbers are needed")
-
-
-def _whole(digits: str) -> int:
-    if len(digits) > DIGITS:
-        raise InputError(f"contains a number of {len(digits)} digits; at most {DIGITS} are possible")
-    return int(digits)
-
-
-def _real(text: str) -> float:
-    number = float(text)
-    if abs(number) > LARGEST:
-        shown = text if len(text) <= 20 else f"{text[:20]}..."
-        raise InputError(f"contains {shown}; numbers up to {LARGEST:g} are possible")
-    return number
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    out = dict(pairs)
-    if len(out) < len(pairs):
-        name, times = Counter(name for name, _ in pairs).most_common(1)[0]
-        raise InputError(f"has '{name}' {times} times in one object; once is enough")
-    return out
-
-
-def _too_deep() -> InputError:
-    return InputError(f"is nested too deeply; at most {DEPTH} lists and objects may be in each other")
-
-
-def _deeper(data: Any, depth: int) -> bool:
-    """Whether lists and objects are in each other more than `depth` times."""
-    layer = [data]
-    for _ in range(depth):
-        inner = (x.values() if isinstance(x, dict) else x if isinstance(x, list) else () for x in layer)
-        layer = [y for values in inner for y in values if isinstance(y, dict | list)]
-        if not layer:
-            return False
-    return True
+        return strict_json.parse(text)
+    except strict_json.BadFile as fault:
+        raise InputError(fault.problem) from None
 
 
 def validate(model: type[T], data: Any) -> T:

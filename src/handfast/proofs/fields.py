@@ -14,21 +14,15 @@ import numpy as np
 from flint import fmpq
 from numpy.typing import NDArray
 
+from handfast.proofs.strict_json import LARGEST as LARGEST
+from handfast.proofs.strict_json import BadFile as BadFile
+
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-LARGEST = 1e50  # numbers in files are at most so large: no product of a few overflows
 SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
 _NEEDED: Any = object()
-
-
-class BadFile(ValueError):
-    """What is wrong with a file: the field, and what would be right."""
-
-    def __init__(self, problem: str, field: str = "") -> None:
-        super().__init__(f"{field}: {problem}" if field else problem)
-        self.problem, self.field = problem, field
 
 
 class Fields:

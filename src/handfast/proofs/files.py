@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import unicodedata
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from handfast.proofs import answers, certificate, checker, grasps, holds, path_steps, synthesis
-from handfast.proofs.fields import LARGEST, BadFile, Fields
+from handfast.proofs import answers, certificate, checker, grasps, holds, path_steps, strict_json, synthesis
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.replay import Replay
 
-LONGEST = 50  # digits of a whole number
-DEPTH = 50  # of lists and objects in each other
-TOO_DEEP = f"is nested too deeply; at most {DEPTH} lists and objects may be in each other"
 PLAN = "plan.json"
 AGAIN = "handfast verify FILE --replay"
 SETTLED = "handfast/settled/1"
@@ -105,66 +99,17 @@ def read_json(path: Path, place: str = "") -> Any:
     """The parsed JSON of a file.
 
     Raises:
-        BadFile: what is wrong, at this place: no number that is finite and at most `LARGEST`, a name twice in an
-            object, a text that is no line of characters, more than `DEPTH` lists and objects in each other.
+        BadFile: what is wrong, at this place: it cannot be read, and what `strict_json` refuses.
     """
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe, or a device without an end
             raise BadFile("is no file", place)
-        data = json.loads(
-            path.read_text("utf-8"),
-            parse_constant=_refused,
-            parse_int=_whole,
-            parse_float=_real,
-            object_pairs_hook=_object,
-        )
+        return strict_json.parse(path.read_text("utf-8"))
     except BadFile as fault:
         raise BadFile(fault.problem, place) from None
-    except RecursionError:
-        raise BadFile(TOO_DEEP, place) from None
     except ValueError as fault:  # a NUL in the path as well
         raise BadFile(f"is not valid JSON: {fault}", place) from None
     except FileNotFoundError:
         raise BadFile("no such file; one that --save wrote is needed", place) from None
     except OSError as fault:
         raise BadFile(f"cannot be read: {fault.strerror}", place) from None
-    layer, depth = [data], 0
-    while layer:
-        if depth == DEPTH and any(isinstance(x, dict | list) for x in layer):
-            raise BadFile(TOO_DEEP, place)
-        for word in (x for y in layer for x in ((y,) if isinstance(y, str) else y if isinstance(y, dict) else ())):
-            kinds = set(map(unicodedata.category, word))
-            if "Cc" in kinds:
-                problem = f"contains {word[:40]!r}; names and texts are one line without control characters"
-                raise BadFile(problem, place)
-            if "Cs" in kinds:
-                raise BadFile("contains half a character (a lone surrogate such as \\ud800)", place)
-        depth += 1
-        inner = [x.values() if isinstance(x, dict) else x for x in layer if isinstance(x, dict | list)]
-        layer = [x for values in inner for x in values if isinstance(x, dict | list | str)]
-    return data
-
-
-def _refused(constant: str) -> Any:
-    raise BadFile(f"contains {constant}; finite numbers are needed")
-
-
-def _whole(digits: str) -> int:
-    if len(digits) > LONGEST:
-        raise BadFile(f"contains a number of {len(digits)} digits; at most {LONGEST} are possible")
-    return int(digits)
-
-
-def _real(text: str) -> float:
-    x = float(text)
-    if abs(x) > LARGEST:
-        raise BadFile(f"contains {text[:20]}; numbers up to {LARGEST:g} are possible")
-    return x
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    out = dict(pairs)
-    if len(out) < len(pairs):
-        name, times = Counter(name for name, _ in pairs).most_common(1)[0]
-        raise BadFile(f"has {name!r} {times} times in one object; once is enough")
-    return out
