@@ -10,9 +10,9 @@ import pytest
 from handfast import load_grasp
 from handfast.cli.contacts import Contacts
 from handfast.cli.grasp import FindGrasps
+from handfast.cli.load_options import JointLawOptions
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.published import ImportGrasps
-from handfast.cli.scene_options import JointLawOptions
 from tests.support.program import ask, complains, run
 from tests.support.published import LEFT, RIGHT, samples, tiny
 from tests.support.tendon_hand import tendon_hand, write_tendon_hand

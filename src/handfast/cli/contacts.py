@@ -10,8 +10,8 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console, tables
 from handfast.cli.console import table
+from handfast.cli.load_options import SceneOptions, load_placed, weight_note
 from handfast.cli.options import Assignments, Command, EndsIn, Reported, assigned
-from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.scene import Scene

@@ -12,9 +12,9 @@ from rich.text import Text
 from tyro.conf import arg
 
 from handfast.cli import console
+from handfast.cli.load_options import load_placed
 from handfast.cli.maps import save_map
 from handfast.cli.options import Command, check_folder, check_writable
-from handfast.cli.scene_options import load_placed
 from handfast.geometry.contacts import contact_grasp
 from handfast.model.grasp import Grasp
 from handfast.pictures import Entry, sentences, words, write_report

@@ -14,9 +14,8 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.console import print_table
-from handfast.cli.load_options import SearchFlags
+from handfast.cli.load_options import JointLawOptions, ObjectOptions, SearchFlags
 from handfast.cli.options import Command, load_solvable
-from handfast.cli.scene_options import JointLawOptions, ObjectOptions
 from handfast.cli.synthesize import STYLE, WHY
 from handfast.core.answer import Reach
 from handfast.core.errors import InputError

@@ -12,8 +12,8 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.console import table
+from handfast.cli.load_options import JointLawOptions
 from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, WorkOptions, assigned
-from handfast.cli.scene_options import JointLawOptions
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
 from handfast.datasets.dataset_rows import GraspChanges

@@ -13,9 +13,8 @@ from tyro.conf import Positional, UseAppendAction, arg
 from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.grasp import overlaps_text, starts_text, tally_rows
-from handfast.cli.load_options import SearchFlags
+from handfast.cli.load_options import SceneOptions, SearchFlags
 from handfast.cli.options import Assignments, Command, Triple, assigned
-from handfast.cli.scene_options import SceneOptions
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.model.body import Body

@@ -10,8 +10,8 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.console import table
+from handfast.cli.load_options import ObjectOptions
 from handfast.cli.options import Command, Reported, check_folder, check_writable
-from handfast.cli.scene_options import ObjectOptions
 from handfast.core import bundled
 from handfast.planning.question import compared
 from handfast.readers.body_file import save_body_copy

@@ -11,8 +11,8 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.console import table
+from handfast.cli.load_options import JointLawOptions
 from handfast.cli.options import Command, Printed, WorkOptions
-from handfast.cli.scene_options import JointLawOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.datasets.published.exporting import ENDING, export, exported_from

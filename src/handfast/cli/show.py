@@ -11,8 +11,8 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.console import table
+from handfast.cli.load_options import load_object, load_placed
 from handfast.cli.options import Command, EndsIn, Printed
-from handfast.cli.scene_options import load_object, load_placed
 from handfast.core.errors import InputError
 from handfast.pictures import hand_rows
 from handfast.pictures.hand_facts import ShownHand, facts_of, shown_hand, to_json

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from handfast.core.arrays import Array
 from handfast.core.errors import require_not_negative, require_positive
@@ -87,23 +87,21 @@ class GraspDataset(ABC):
     """Rows in an order of their own, read as they are needed.
 
     Attributes:
-        path: file or folder.
+        kind: of dataset, as files call it.
         posed: are rows postures, which need a hand and an object?
+        path: file or folder. count: how many rows.
     """
 
+    kind: ClassVar[str]
     posed = False
+    count: int
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    @property
-    @abstractmethod
-    def count(self) -> int:
-        """How many rows."""
-
-    @abstractmethod
     def identity(self) -> dict[str, Any]:
         """What tells whether it is still the same dataset; JSON."""
+        return {"kind": self.kind, "rows": self.count} | file_identity(self.path)
 
     @abstractmethod
     def items(self) -> Iterator[Any]:

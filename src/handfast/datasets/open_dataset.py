@@ -1,22 +1,46 @@
-"""Opens a dataset by its kind; folders and JSON lines of grasp files are read here, tables of postures beside."""
+"""Opens a dataset by its kind: folders and JSON lines of grasp files, and tables of postures (.npz, Parquet).
+
+Tables are read piece by piece:
+
+joints             (n, l), or a column joints.NAME for each joint [rad, m]
+object_position    (n, 3) [m], or object_pose.position.0 .. 2
+object_quaternion  (n, 4) w, x, y, z, or object_pose.quaternion.0 .. 3; both in the hand's base frame
+preload            (n, a), or preload.NAME [N m, N]; may be absent
+mass, friction     (n,); may be absent
+name               (n,); may be absent
+"""
 
 from __future__ import annotations
 
 import hashlib
+import zipfile
+import zlib
 from collections.abc import Iterator
+from contextlib import ExitStack
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.lib import format as npy
+
 from handfast.core.errors import InputError
 from handfast.core.files import read_json
-from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspDataset, file_identity, printable
-from handfast.datasets.posture_tables import PackedPostures, ParquetPostures
+from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspDataset, PosedRow, printable
 
 LONGEST = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
 BLOCK = 1 << 20  # [bytes] read at a time
 BESIDE = (".jsonl.about.json", ".summary.json")  # how files of labels end that are no grasp files,
 IMPORT = "import.json"
 IN_THE_MAKING = (".jsonl.parts", ".parquet.parts")  # and folders that have such files
+ROWS = 1024  # read at a time
+HEADER = 10_000  # characters of an .npy header
+PARTS = {"object_position": ("object_pose.position", 3), "object_quaternion": ("object_pose.quaternion", 4)}
+NEEDED = ("joints", *PARTS)
+OPTIONAL = ("preload", "mass", "friction", "name")
+PUBLISHED = ("file", "index")  # of a row that `import` wrote
+DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError)  # what an archive raises that was changed or cut
+PARQUET = "needs pyarrow: pip install 'handfast[label]'"
 
 
 def open_dataset(path: str | Path) -> GraspDataset:
@@ -48,6 +72,8 @@ class GraspFiles(GraspDataset):
     """A folder of grasp files, those below it included, in the order of their names: `*.grasp.json` and
     `grasp-*.json`, as our own commands call them, if there are any, else all `*.json`."""
 
+    kind = "grasp files"
+
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         found = [str(f.relative_to(path)) for f in path.rglob("*.json") if f.is_file()]
@@ -55,19 +81,16 @@ class GraspFiles(GraspDataset):
         named = [f for f in found if f.endswith(".grasp.json") or Path(f).name.startswith("grasp-")]
         self.files = sorted(named or found)
         self.sources = {k: v for file in path.rglob(IMPORT) for k, v in _published(file, path).items()}
+        self.count = len(self.files)
         if not self.files:
             raise InputError("has no grasp files (.json) in it or below", source=str(path))
-
-    @property
-    def count(self) -> int:
-        return len(self.files)
 
     def identity(self) -> dict[str, Any]:
         digest = hashlib.sha256()
         for file in self.files:
             digest.update(file.encode("utf-8", "surrogateescape") + b"\0")
             digest.update(repr(_content(self.path / file)).encode("utf-8", "backslashreplace") + b"\0")
-        return {"kind": "grasp files", "rows": self.count, "sha256 of names and contents": digest.hexdigest()}
+        return {"kind": self.kind, "rows": self.count, "sha256 of names and contents": digest.hexdigest()}
 
     def items(self) -> Iterator[str]:
         return iter(self.files)
@@ -111,22 +134,17 @@ def _of_labels(file: str) -> bool:
 class GraspLines(GraspDataset):
     """JSON lines, a grasp file in each."""
 
+    kind = "JSON lines"
+
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         lines, last = 0, b"\n"
         with open(path, "rb") as stream:
             while block := stream.read(BLOCK):
                 lines, last = lines + block.count(b"\n"), block
-        self._count = lines + (not last.endswith(b"\n"))
-        if not self._count:
+        self.count = lines + (not last.endswith(b"\n"))
+        if not self.count:
             raise InputError("is empty; a grasp file in each line is needed", source=str(path))
-
-    @property
-    def count(self) -> int:
-        return self._count
-
-    def identity(self) -> dict[str, Any]:
-        return {"kind": "JSON lines", "rows": self.count} | file_identity(self.path)
 
     def items(self) -> Iterator[bytes | None]:
         """Lines; None for one that is too long."""
@@ -149,3 +167,158 @@ class GraspLines(GraspDataset):
             return DatasetRow(number, name, item.decode("utf-8").rstrip(), unnamed=True)
         except UnicodeDecodeError:
             return DatasetRow(number, name, FaultyRow("is no text in UTF-8"))
+
+
+class PostureTable(GraspDataset):
+    """Rows of a hand's joints and its object's pose."""
+
+    posed = True
+
+    def row(self, number: int, item: dict[str, Any]) -> DatasetRow:
+        name = item.get("name")
+        posed = PosedRow(
+            item["joints"],
+            item["object_position"],
+            item["object_quaternion"],
+            preload=item.get("preload"),
+            mass=_single(item.get("mass")),
+            friction=_single(item.get("friction")),
+        )
+        source = printable(f"{item['file']}#{item['index']}") if item.get("file") is not None else ""
+        return DatasetRow(number, f"row {number}" if name is None else printable(str(name)), posed, source=source)
+
+
+class PackedPostures(PostureTable):
+    """An `.npz` archive of plain arrays; each is read a thousand rows at a time, and nothing is unpickled."""
+
+    kind = "npz"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        try:
+            with zipfile.ZipFile(path) as archive:
+                keys = {n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")}
+                self.keys = [key for key in (*NEEDED, *OPTIONAL) if key in keys]
+                missing = [key for key in NEEDED if key not in keys]
+                if missing:
+                    raise InputError(f"is missing; it holds {', '.join(sorted(keys)) or 'nothing'}", field=missing[0])
+                self.shapes = {}
+                for key in self.keys:
+                    with archive.open(f"{key}.npy") as stream:
+                        self.shapes[key] = _header(stream, key)[0]
+            lengths = {shape[0] if shape else 0 for shape in self.shapes.values()}
+            if len(lengths) > 1:
+                said = ", ".join(f"{key} {shape[0] if shape else 'none'}" for key, shape in self.shapes.items())
+                raise InputError(f"its arrays are of different lengths: {said}")
+            self.count = max(lengths)
+            if self.count <= 0:
+                raise InputError("has no rows")
+        except InputError as fault:
+            raise fault.at(str(path)) from None
+        except (*DAMAGED, NotImplementedError, RuntimeError, ValueError) as fault:
+            raise InputError(f"is no .npz archive ({' '.join(str(fault).split())[:80]})", source=str(path)) from None
+
+    def items(self) -> Iterator[dict[str, Any]]:
+        with ExitStack() as stack:
+            archive = stack.enter_context(zipfile.ZipFile(self.path))
+            streams = {key: stack.enter_context(archive.open(f"{key}.npy")) for key in self.keys}
+            kinds = {key: _header(stream, key) for key, stream in streams.items()}
+            for first in range(0, self.count, ROWS):
+                rows = min(ROWS, self.count - first)
+                block = {key: self._block(streams[key], key, kinds[key], rows) for key in self.keys}
+                for k in range(rows):
+                    yield {key: values[k] for key, values in block.items()}
+
+    def _block(self, stream: Any, key: str, kind: tuple[tuple[int, ...], np.dtype[Any]], rows: int) -> Any:
+        shape, dtype = kind
+        size = rows * int(np.prod(shape[1:])) * dtype.itemsize
+        try:
+            data = stream.read(size)
+        except DAMAGED as fault:
+            problem = f"is damaged ({' '.join(str(fault).split())[:80]})"
+            raise InputError(problem, source=str(self.path), field=key) from None
+        if len(data) < size:
+            raise InputError("ends too soon", source=str(self.path), field=key)
+        return np.frombuffer(data, dtype).reshape(rows, *shape[1:])
+
+
+def _header(stream: Any, key: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array; the stream stands at its first number then."""
+    version = npy.read_magic(stream)
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, columns, dtype = read(stream, max_header_size=HEADER)
+    if dtype.kind not in ("U" if key == "name" else "fiu") or (columns and len(shape) > 1):
+        need = "texts" if key == "name" else "numbers, row by row (C order)"
+        raise InputError(f"is an array of {dtype}; {need} are needed", field=key)
+    if len(shape) != (2 if key in (*NEEDED, "preload") else 1):
+        raise InputError(f"has shape {shape}; a row for each grasp is needed", field=key)
+    return shape, dtype
+
+
+class ParquetPostures(PostureTable):
+    """A Parquet table, such as `handfast import` writes, or with lists of numbers."""
+
+    kind = "Parquet"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        try:
+            import pyarrow
+            from pyarrow import parquet
+        except ImportError:
+            raise InputError(PARQUET, source=str(path)) from None
+        try:
+            file = parquet.ParquetFile(path)
+        except (pyarrow.ArrowException, OSError) as fault:
+            problem = f"is no Parquet file ({' '.join(str(fault).split())[:80]})"
+            raise InputError(problem, source=str(path)) from None
+        with file:
+            self.count, names = int(file.metadata.num_rows), file.schema_arrow.names
+        if not self.count:
+            raise InputError("has no rows", source=str(path))
+        wanted = (*NEEDED, *OPTIONAL, *(PUBLISHED if {*PUBLISHED} <= {*names} else ()))
+        self._taken = {key: columns for key in wanted if (columns := _columns(key, names))}
+        for key in NEEDED:
+            if key not in self._taken:
+                problem = f"is missing; the columns are {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
+                raise InputError(problem, source=str(path), field=key)
+
+    def items(self) -> Iterator[dict[str, Any]]:
+        from pyarrow import ArrowException, parquet
+
+        wanted = [name for columns in self._taken.values() for name in columns.values()]
+        try:
+            with parquet.ParquetFile(self.path) as file:
+                for batch in file.iter_batches(ROWS, columns=wanted):
+                    yield from (self._item(row) for row in batch.to_pylist())
+        except (ArrowException, OSError) as fault:
+            raise InputError(f"is damaged ({' '.join(str(fault).split())[:80]})", source=str(self.path)) from None
+
+    def _item(self, row: dict[str, Any]) -> dict[str, Any]:
+        out: dict[str, Any] = {}
+        for key, columns in self._taken.items():
+            if key in columns:
+                out[key] = row[columns[key]]
+            elif key in PARTS:
+                out[key] = [row[name] for name in columns.values()]
+            else:
+                out[key] = {part: np.nan if row[name] is None else row[name] for part, name in columns.items()}
+        return out
+
+
+def _columns(key: str, names: list[str]) -> dict[str, str]:
+    """Where a value is: in a column of its own under its key, or each of its parts in one; empty if nowhere."""
+    if key in names:
+        return {key: key}
+    if key in PARTS:
+        stem, count = PARTS[key]
+        parts = {str(k): f"{stem}.{k}" for k in range(count)}
+        return parts if set(parts.values()) <= set(names) else {}
+    return {n.removeprefix(f"{key}."): n for n in names if n.startswith(f"{key}.")}
+
+
+def _single(value: Any) -> Any:
+    """A number as a float, whatever type it is stored as; all else as it is, for the row to be refused."""
+    if isinstance(value, int | float | np.number | Decimal) and not isinstance(value, bool):
+        return float(value)
+    return value

@@ -9,8 +9,15 @@ import pytest
 
 from handfast.core.arrays import Array
 from handfast.core.transforms import transform
-from handfast.datasets.published.gap_closing import fingers_of, gaps_closed, pushed_on
-from handfast.datasets.published.separating import CLEAR, Separator, least_distance, reaches
+from handfast.datasets.published.separating import (
+    CLEAR,
+    Separator,
+    fingers_of,
+    gaps_closed,
+    least_distance,
+    pushed_on,
+    reaches,
+)
 from handfast.geometry.contact_reduction import reduced_contacts
 from handfast.geometry.contacts import find_contacts
 from handfast.geometry.scene import Scene

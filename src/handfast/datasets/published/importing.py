@@ -11,12 +11,11 @@ from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs, workers_of
-from handfast.datasets.published.gap_closing import gaps_closed, pushed_on
 from handfast.datasets.published.mapping_file import HandMapping, PlacedGrasp, placed
 from handfast.datasets.published.object_finder import FoundObject, find_object, meshes_of
 from handfast.datasets.published.published_file import Source
 from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
-from handfast.datasets.published.separating import Separator
+from handfast.datasets.published.separating import Separator, gaps_closed, pushed_on
 from handfast.geometry.contact_reduction import TOLERANCE, reduced_contacts
 from handfast.geometry.contacts import THRESHOLD, find_contacts, grasp_of, of_body
 from handfast.geometry.scene import Scene
