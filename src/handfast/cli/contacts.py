@@ -11,7 +11,7 @@ from tyro.conf import UseAppendAction, arg
 from handfast.cli import console, tables
 from handfast.cli.console import table
 from handfast.cli.load_options import SceneOptions, load_placed, weight_note
-from handfast.cli.options import Assignments, Command, EndsIn, Reported, assigned
+from handfast.cli.options import Assignments, Command, EndsIn, Reported, assigned, closing_senses
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.scene import Scene
@@ -121,7 +121,7 @@ class Close(SceneOptions, Reported, Command):
         hand, body = self.load_scene()  # first: a hand that has to be downloaded is told before anything else
         placed = load_placed(self.pose)
         hand, q0 = placed.applied(hand)
-        senses = self._closing()
+        senses = closing_senses(self.closing)
         hand = hand.with_closing(senses) if senses else hand
         preload = assigned(self.preload, "--preload") if self.preload else placed.preload
         if self.mechanism == "hand":  # the other one has a motor for each joint of the grasp
@@ -189,13 +189,6 @@ class Close(SceneOptions, Reported, Command):
         if closed.contacts:
             tables.show_contacts(out, closed.contacts)
         console.say_written(out, self.output, self.grasp, self.report)
-
-    def _closing(self) -> dict[str, int]:
-        senses = assigned(self.closing, "--closing")
-        for name, sense in senses.items():
-            if sense not in (-1, 0, 1):
-                raise InputError(f"is {sense:g}; -1, 0 or 1 is needed", field=f"--closing {name}")
-        return {name: int(sense) for name, sense in senses.items()}
 
 
 def contact_entry(contact: Contact) -> dict[str, Any]:

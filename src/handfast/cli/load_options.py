@@ -247,7 +247,9 @@ class Disturbances(WeightOptions):
         else:
             heavy = self.weighed(grasp, source)
             for g in self.gravity:
-                ways = [(name, _along(name)) for name in AXES] if g == ALL else [(" ".join(f"{x:g}" for x in g), g)]
+                ways = (
+                    [(name, axis_vector(name)) for name in AXES] if g == ALL else [(" ".join(f"{x:g}" for x in g), g)]
+                )
                 named += [(f"gravity {name}", heavy.gravity_wrench(way).tolist()) for name, way in ways]
         twice = [name for k, (name, _) in enumerate(named) if name in [n for n, _ in named[:k]]]
         if twice:
@@ -264,7 +266,7 @@ class Disturbances(WeightOptions):
         self.check_one(self.wrench or self.loads, self.gravity)
 
 
-def _along(axis: str) -> Numbers:
+def axis_vector(axis: str) -> Numbers:
     """The unit vector of an axis such as "-z"."""
     sign = -1.0 if axis[0] == "-" else 1.0
     return tuple(sign if a == axis[-1] else 0.0 for a in "xyz")
@@ -299,9 +301,8 @@ class LoadsOptions:
                 if axis not in ("x", "y", "z") or axis == up[-1]:
                     others = " or ".join(a for a in "xyz" if a != up[-1])
                     raise InputError(f"is about {axis}; {others} is needed, {up} points up", field="--tilt")
-                sign = -1.0 if down.startswith("-") else 1.0
-                vertical = sign * np.eye(3)["xyz".index(down[-1])]
-                found.append(Loads.tilt(body, np.eye(3)["xyz".index(axis)], np.radians(angle), down=vertical))
+                about, vertical = np.array(axis_vector(axis)), np.array(axis_vector(down))
+                found.append(Loads.tilt(body, about, np.radians(angle), down=vertical))
         for k, w in enumerate(self.wrench):
             found.append(Loads.wrench(w, "wrench" if len(self.wrench) == 1 else f"wrench {k + 1}"))
         if self.loads:

@@ -116,6 +116,15 @@ def assigned(groups: Sequence[Pairs], field: str) -> dict[str, float]:
     return out
 
 
+def closing_senses(groups: Sequence[Pairs]) -> dict[str, int]:
+    """Senses of joints that `--closing` gives."""
+    senses = assigned(groups, "--closing")
+    for name, sense in senses.items():
+        if sense not in (-1, 0, 1):
+            raise InputError(f"is {sense:g}; -1, 0 or 1 is needed", field=f"--closing {name}")
+    return {name: int(sense) for name, sense in senses.items()}
+
+
 HAND = re.compile(r"(menagerie|table1):.*|[a-z0-9_]+_description(:\w+)?|.*\.(urdf|xml|mjcf)(#.*)?", re.IGNORECASE)
 
 

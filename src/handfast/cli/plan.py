@@ -13,8 +13,8 @@ from tyro.conf import Positional, UseAppendAction, arg
 from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.grasp import overlaps_text, starts_text, tally_rows
-from handfast.cli.load_options import SceneOptions, SearchFlags
-from handfast.cli.options import Assignments, Command, Triple, assigned
+from handfast.cli.load_options import SceneOptions, SearchFlags, axis_vector
+from handfast.cli.options import Assignments, Command, Triple, closing_senses
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.model.body import Body
@@ -114,7 +114,7 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         from handfast.planning.results.folder import PlanFolder
 
         hand, body = self.load_scene()
-        senses = {name: int(s) for name, s in self._senses().items()}
+        senses = closing_senses(self.closing)
         hand = hand.with_closing(senses)
         loads = self._loads(body)
         console.warn(compared(hand, body))
@@ -143,17 +143,10 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
 
         if not (self.support or self.obstacle or self.travel is not None):
             return None
-        along = self.up or "z"
-        way = np.eye(3)["xyz".index(along[-1])] * (-1.0 if along.startswith("-") else 1.0)
+        way = np.array(axis_vector(self.up or "z"))
         solids = [piece for file in self.obstacle for piece in load_body(file).pieces]
         travel = TRAVEL if self.travel is None else self.travel
         return Surroundings(way if self.support else None, solids, travel)
-
-    def _senses(self) -> dict[str, float]:
-        senses = assigned(self.closing, "--closing")
-        if any(s not in (-1, 0, 1) for s in senses.values()):
-            raise InputError("each needs -1, 0 or 1", field="--closing")
-        return senses
 
     def _loads(self, body: Body) -> Loads:
         if body.mass is None and (self.up or self.tilt or not (self.wrench or self.loads)):

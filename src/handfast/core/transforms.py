@@ -51,6 +51,15 @@ def rigid(pose: object, field: str = "pose") -> Array:
     return T
 
 
+def roll_pitch_yaw(r: float, p: float, y: float) -> Array:
+    """(3, 3) turned by r about x, then p about y, then y about z [rad], all of the fixed frame."""
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (r, p, y))
+    Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return np.asarray(Rz @ Ry @ Rx)
+
+
 def quaternion_matrix(q: object) -> Array:
     """(3, 3) rotation of a unit quaternion (w, x, y, z); it is normalised first. `InputError` if that is impossible."""
     given = np.asarray(q, dtype=float)
@@ -65,6 +74,12 @@ def quaternion_matrix(q: object) -> Array:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def nearest_rotation(R: Array) -> Array:
+    """(3, 3) the rotation next to a matrix that is one but for rounding."""
+    u, _, vt = np.linalg.svd(R)
+    return np.asarray(u @ vt)
 
 
 def matrix_quaternion(R: Array) -> Array:

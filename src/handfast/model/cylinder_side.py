@@ -11,9 +11,8 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, require_positive
 from handfast.core.schema import Vector3
-from handfast.model.region import Region
+from handfast.model.region import SHORTEST, Region, unit_direction
 
-SHORTEST = 1e-9  # length of a direction below which it is none
 FARTHEST_TURN = 100.0  # [rad]
 FULL_TURN = 2 * np.pi * (1 + 1e-12)  # [rad] with room for a file's rounding
 
@@ -54,13 +53,13 @@ class RoundSide(Region):
         put("center", frozen(self.center, (3,), "center"))
         for radius in self.radii:
             require_positive(radius, self._radii, "it must be positive [m]")
-        axis = _unit(self.axis, "axis")
-        across = _unit(self.x_axis, "x_axis")
+        axis = unit_direction(self.axis, "axis")
+        across = unit_direction(self.x_axis, "x_axis")
         across = across - axis * (axis @ across)
         if np.linalg.norm(across) < SHORTEST:
             raise InputError("is parallel to axis; a direction across it is needed", field="x_axis")
         put("axis", frozen(axis, (3,), "axis"))
-        put("x_axis", _unit(across, "x_axis"))
+        put("x_axis", unit_direction(across, "x_axis"))
         for name, unit in (("angles", "rad"), ("heights", "m")):
             lo, hi = frozen(getattr(self, name), (2,), name).tolist()
             if not lo < hi:
@@ -190,12 +189,3 @@ class ConeSide(RoundSide):
     def __post_init__(self) -> None:
         object.__setattr__(self, "radii", tuple(frozen(self.radii, (2,), "radii").tolist()))
         super().__post_init__()
-
-
-def _unit(vector: object, field: str) -> Array:
-    """(3,) of length 1; `InputError` if it has none."""
-    a = frozen(vector, (3,), field)
-    length = float(np.linalg.norm(a))
-    if length < SHORTEST:
-        raise InputError("is zero; a direction is needed", field=field)
-    return frozen(a / length, (3,), field)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -187,12 +187,8 @@ class Grasp(Presented):
         provenance: Provenance | None = None,
     ) -> None:
         put = object.__setattr__
-        if mass is not None:
-            require_not_negative(mass, "mass", "a mass is 0 or more [kg]")
-        put(self, "mass", None if mass is None else float(mass))
-        centre = None if center_of_mass is None else frozen(center_of_mass, (3,), "center_of_mass")
-        put(self, "center_of_mass", centre)
-        put(self, "provenance", provenance)
+        for name_, value in _object_facts(mass, center_of_mass, provenance).items():
+            put(self, name_, value)
         put(self, "contacts", tuple(contacts))
         put(self, "joints", tuple(joints))
         put(self, "name", name)
@@ -440,9 +436,9 @@ class Grasp(Presented):
         if not self.has_laws or s == 1.0:
             return self
         joints = [replace(joint, friction=s * joint.friction, torque=s * joint.torque) for joint in self.joints]
-        out = object.__new__(Grasp)  # all else has been checked
-        kept = {name: x for name, x in self.__dict__.items() if name not in ("given_torques", "joint_friction")}
-        out.__dict__.update(kept, joints=tuple(joints))
+        out = self._changed(joints=tuple(joints))
+        for cached in ("given_torques", "joint_friction"):
+            out.__dict__.pop(cached, None)
         return out
 
     def with_preload(self, preload: Mapping[str, float] | Array | None) -> Grasp:
@@ -452,9 +448,7 @@ class Grasp(Presented):
             if preload is None or isinstance(preload, Mapping)
             else frozen(preload, (self.mechanism.a,), "preload")
         )
-        out = object.__new__(Grasp)  # nothing else depends on the commands, and all of it has been checked
-        out.__dict__.update(self.__dict__, command=command)
-        return out
+        return self._changed(command=command)  # on which nothing else depends
 
     def with_start(self, start: Start | None) -> Grasp:
         """The same grasp after a state, from which a step of a load's path starts; None for one where nothing moved.
@@ -467,8 +461,12 @@ class Grasp(Presented):
         if start is not None:
             for name, n in (("gaps", self.m), ("stops", self.l), ("slack", self.mechanism.a)):
                 frozen(getattr(start, name), (n,), f"from.{name}")
-        out = object.__new__(Grasp)  # all else has been checked
-        out.__dict__.update(self.__dict__, start=start)
+        return self._changed(start=start)
+
+    def _changed(self, **others: Any) -> Grasp:
+        """A copy with other attributes: all of it has been checked."""
+        out = object.__new__(Grasp)
+        out.__dict__.update(self.__dict__, **others)
         return out
 
     def with_friction(self, mu: float) -> Grasp:
@@ -492,16 +490,8 @@ class Grasp(Presented):
         provenance: Provenance | None = None,
     ) -> Grasp:
         """The same grasp with what is known of its object; what is not given stays. Raises `InputError` as `Grasp`."""
-        return Grasp(
-            self.contacts,
-            self.joints,
-            self.mechanism,
-            self.command,
-            self.name,
-            mass=self.mass if mass is None else mass,
-            center_of_mass=self.center_of_mass if center_of_mass is None else center_of_mass,
-            provenance=self.provenance if provenance is None else provenance,
-        )
+        known = _object_facts(mass, center_of_mass, provenance)
+        return self._changed(start=None, **{name: value for name, value in known.items() if value is not None})
 
     def from_configuration(self, path: str | Path) -> Grasp:
         """The same grasp, said to come from a configuration file, or a bundled one by name."""
@@ -529,3 +519,12 @@ class Grasp(Presented):
 
     def __repr__(self) -> str:
         return f"Grasp({self.name!r}, {self.m} contacts, {self.l} joints, preload={self.preload})"
+
+
+def _object_facts(mass: float | None, center_of_mass: object, provenance: Provenance | None) -> dict[str, Any]:
+    """What is known of a grasp's object, by attribute; `InputError` for a negative mass, a centre that is no point."""
+    if mass is not None:
+        require_not_negative(mass, "mass", "a mass is 0 or more [kg]")
+        mass = float(mass)
+    centre = None if center_of_mass is None else frozen(center_of_mass, (3,), "center_of_mass")
+    return {"mass": mass, "center_of_mass": centre, "provenance": provenance}

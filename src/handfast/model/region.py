@@ -25,7 +25,17 @@ from handfast.model.bernstein import (
 )
 
 DEEPEST = 6  # halvings in each parameter before a patch whose normal cannot be told from zero is refused
+SHORTEST = 1e-9  # length of a direction below which it is none
 VANISHES = 1e-9  # a normal this much shorter than the longest one is none
+
+
+def unit_direction(vector: object, field: str) -> Array:
+    """(3,) of length 1; `InputError` if it has none."""
+    a = frozen(vector, (3,), field)
+    length = float(np.linalg.norm(a))
+    if length < SHORTEST:
+        raise InputError("is zero; a direction is needed", field=field)
+    return frozen(a / length, (3,), field)
 
 
 class Region(InFiles, ABC):
@@ -268,11 +278,7 @@ class Cap(Region):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", frozen(self.center, (3,), "center"))
-        axis = frozen(self.axis, (3,), "axis")
-        length = float(np.linalg.norm(axis))
-        if length < 1e-9:
-            raise InputError("is zero; a direction is needed", field="axis")
-        object.__setattr__(self, "axis", frozen(axis / length, (3,), "axis"))
+        object.__setattr__(self, "axis", unit_direction(self.axis, "axis"))
         require_positive(self.radius, "radius", "it must be positive [m]")
         if not 0 < self.half_angle <= np.pi + 1e-12:
             raise InputError(f"is {self.half_angle:g}; it lies in (0, pi] [rad]", field="half_angle")

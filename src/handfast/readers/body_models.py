@@ -14,12 +14,12 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.transforms import quaternion_matrix, transform
+from handfast.core.transforms import quaternion_matrix, roll_pitch_yaw, transform
 from handfast.model.mesh_pieces import components, is_convex, pieces_of
 from handfast.model.shape import Shape
 from handfast.readers.mesh_file import MESH_FILES, read_meshes
 from handfast.readers.registry import ObjectParts
-from handfast.readers.urdf import find_mesh, link_tree, named_links, origin, roll_pitch_yaw, sizes, solid
+from handfast.readers.urdf import find_mesh, link_tree, named_links, origin, sizes, solid
 from handfast.readers.xml_file import numbers_in, read_robot_xml
 
 FRICTIONS = ("ode/mu", "ode/mu2", "bullet/friction", "bullet/friction2")  # coefficients in an SDF file's surface

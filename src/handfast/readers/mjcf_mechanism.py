@@ -94,18 +94,27 @@ def _joint_equality(m: Any, e: int) -> dict[int, float]:
     return {joint: 1.0} if driver < 0 else {joint: 1.0, driver: -float(m.eq_data[e, 1])}
 
 
-def _tendon_equality(m: Any, e: int, field: str) -> dict[int, float]:
-    """The same of an equality of tendons."""
+def _fixed_tendon(m: Any, t: int) -> dict[int, float] | None:
+    """By how much a fixed tendon grows longer per joint; None for a spatial one."""
     import mujoco
 
     out: dict[int, float] = {}
+    for w in range(m.tendon_adr[t], m.tendon_adr[t] + m.tendon_num[t]):
+        if m.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT:
+            return None
+        out[int(m.wrap_objid[w])] = out.get(int(m.wrap_objid[w]), 0.0) + float(m.wrap_prm[w])
+    return out
+
+
+def _tendon_equality(m: Any, e: int, field: str) -> dict[int, float]:
+    """The same of an equality of tendons."""
+    out: dict[int, float] = {}
     for tendon, factor in ((int(m.eq_obj1id[e]), 1.0), (int(m.eq_obj2id[e]), -float(m.eq_data[e, 1]))):
-        if tendon >= 0:
-            for w in range(m.tendon_adr[tendon], m.tendon_adr[tendon] + m.tendon_num[tendon]):
-                if m.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT:
-                    raise InputError("ties a spatial tendon; a fixed one is needed", field=field)
-                j = int(m.wrap_objid[w])
-                out[j] = out.get(j, 0.0) + factor * float(m.wrap_prm[w])
+        runs = _fixed_tendon(m, tendon) if tendon >= 0 else {}
+        if runs is None:
+            raise InputError("ties a spatial tendon; a fixed one is needed", field=field)
+        for j, coefficient in runs.items():
+            out[j] = out.get(j, 0.0) + factor * coefficient
     out = {j: c for j, c in out.items() if c}
     if len(out) not in (1, 2):
         raise InputError(f"ties {len(out)} joints; one or two are understood", field=field)
@@ -226,10 +235,11 @@ def _transmission(m: Any, u: int, name: str) -> tuple[Array, bool]:
         row[target] = gear
         return row, False
     if kind == kinds.mjTRN_TENDON:
-        for w in range(m.tendon_adr[target], m.tendon_adr[target] + m.tendon_num[target]):
-            if m.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT:
-                raise InputError("pulls a spatial tendon; a fixed one is needed", field=f"actuator {name}")
-            row[m.wrap_objid[w]] += gear * m.wrap_prm[w]
+        runs = _fixed_tendon(m, target)
+        if runs is None:
+            raise InputError("pulls a spatial tendon; a fixed one is needed", field=f"actuator {name}")
+        for j, coefficient in runs.items():
+            row[j] = gear * coefficient
         return row, True
     word = kind.name.removeprefix("mjTRN_").lower()
     raise InputError(f"acts on a {word}; joints and fixed tendons are understood", field=f"actuator {name}")
@@ -242,9 +252,7 @@ def _acts_outside(part: ModelPart, u: int) -> bool:
     m, kinds, target = part.m, mujoco.mjtTrn, int(part.m.actuator_trnid[u, 0])
     kind = kinds(m.actuator_trntype[u])
     if kind == kinds.mjTRN_TENDON:
-        wraps = range(m.tendon_adr[target], m.tendon_adr[target] + m.tendon_num[target])
-        fixed = [int(m.wrap_objid[w]) for w in wraps if m.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT]
-        return not set(fixed) & set(part.joints)
+        return not {*(_fixed_tendon(m, target) or ())} & {*part.joints}
     if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
         return target not in part.joints
     return int(target if kind == kinds.mjTRN_BODY else m.site_bodyid[target]) not in part.bodies
@@ -286,15 +294,11 @@ def passive_tendons(part: ModelPart) -> tuple[PassiveTendon, ...]:
     m, found = part.m, []
     for t in _with_laws(part):
         name = m.tendon(t).name or str(t)
-        if not _fixed(m, t):
-            continue
-        wraps = range(m.tendon_adr[t], m.tendon_adr[t] + m.tendon_num[t])
-        runs = [(int(m.wrap_objid[w]), float(m.wrap_prm[w])) for w in wraps if m.wrap_prm[w]]
-        if not runs or not part.concerns(f"tendon {name}", part.column, [j for j, _ in runs]):
+        runs = {j: c for j, c in (_fixed_tendon(m, t) or {}).items() if c}
+        if not runs or not part.concerns(f"tendon {name}", part.column, list(runs)):
             continue
         row = np.zeros(len(part.joints))
-        for j, factor in runs:
-            row[part.column[j]] += factor
+        row[[part.column[j] for j in runs]] = list(runs.values())
         stiffness = float(m.tendon_stiffness[t]) if _linear(m, "tendon", t) else 0.0
         spring = (stiffness, _ends(m.tendon_lengthspring[t])) if stiffness else (0.0, (0.0, 0.0))
         stops = _ends(m.tendon_range[t]) if m.tendon_limited[t] else FREE
@@ -313,7 +317,7 @@ def say_what_is_left_out(part: ModelPart, source: str) -> None:
     odd = [f"the spring of joint {m.joint(j).name or j}" for j in part.joints if not _linear(m, "jnt", j)]
     for t in _with_laws(part):
         name = m.tendon(t).name or t
-        if not _fixed(m, t):
+        if _fixed_tendon(m, t) is None:
             odd.append(f"friction, spring and range of the spatial tendon {name}")
         elif not _linear(m, "tendon", t):
             odd.append(f"the spring of tendon {name}")
@@ -327,13 +331,6 @@ def _with_laws(part: ModelPart) -> list[int]:
     m = part.m
     has = (m.tendon_frictionloss > 0) | (m.tendon_stiffness > 0) | (m.tendon_limited != 0)
     return [t for t in range(m.ntendon) if has[t] or not _linear(m, "tendon", t)]
-
-
-def _fixed(m: Any, t: int) -> bool:
-    import mujoco
-
-    kinds = m.wrap_type[m.tendon_adr[t] : m.tendon_adr[t] + m.tendon_num[t]]
-    return bool((kinds == mujoco.mjtWrap.mjWRAP_JOINT).all())
 
 
 def _linear(m: Any, kind: str, i: int) -> bool:

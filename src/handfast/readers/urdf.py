@@ -14,7 +14,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
-from handfast.core.transforms import transform
+from handfast.core.transforms import roll_pitch_yaw, transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, direct_mechanism, guess_closing, refuse_large
 from handfast.model.hand.joint_law import NO_LAW, JointLaw
 from handfast.model.shape import Kind, Mesh, Shape
@@ -234,15 +234,6 @@ def origin(e: Element, where: str) -> Array:
         return np.eye(4)
     rotation = roll_pitch_yaw(*numbers(o, "rpy", 3, where, "0 0 0"))
     return transform(numbers(o, "xyz", 3, where, "0 0 0"), rotation)
-
-
-def roll_pitch_yaw(r: float, p: float, y: float) -> Array:
-    """(3, 3) turned by r about x, then p about y, then y about z [rad], all of the fixed frame."""
-    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (r, p, y))
-    Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return np.asarray(Rz @ Ry @ Rx)
 
 
 def numbers(e: Element, key: str, n: int, where: str, default: str | None = None) -> list[float]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.transforms import quaternion_matrix, transform
+from handfast.core.transforms import roll_pitch_yaw, transform
 from handfast.datasets.published.recorded import (
     Posture,
     RecordedGrasp,
@@ -130,18 +130,10 @@ def read_dexgraspnet(data: Any, name: str) -> Rows:
             raise InputError(f"has no {missing[0]}", field="qpos")
         place, turn = ([values.pop(k) for k in keys] for keys in (PLACE, TURN))
         score = None if data[i].get("energy") is None else number(data[i]["energy"], "energy")
-        at = Posture(transform(place, _turned(turn)), values)
+        at = Posture(transform(place, roll_pitch_yaw(*turn)), values)
         return RecordedGrasp(i, at, object=name, scale=positive(entry(data[i], "scale"), "scale"), score=score)
 
     return rows(len(data), grasp)
-
-
-def _turned(angles: list[float]) -> Array:
-    """(3, 3) turned about the fixed axes x, y and z, one after the other, by angles (3,) [rad]."""
-    x, y, z = (
-        quaternion_matrix(np.r_[np.cos(a / 2), np.sin(a / 2) * e]) for a, e in zip(angles, np.eye(3), strict=True)
-    )
-    return z @ y @ x
 
 
 def read_graspqp(data: Any, name: str) -> Rows:

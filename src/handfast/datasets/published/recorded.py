@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.transforms import FARTHEST, quaternion_matrix, rigid, transform
+from handfast.core.transforms import FARTHEST, nearest_rotation, quaternion_matrix, rigid, transform
 
 Joints = Mapping[str, float] | Array  # by the file's names, or (k,) in an order that the file does not say
 TURNED = 1e-3  # by how much a rotation may miss being one, by the rounding of single precision
@@ -147,8 +147,7 @@ def matrix_pose(value: Any, field: str) -> Array:
     R = found[:3, :3]
     if np.abs(R @ R.T - np.eye(3)).max() > TURNED or np.linalg.det(R) < 0:
         raise InputError("is not a rigid motion; a rotation and a translation are needed", field=field)
-    u, _, vt = np.linalg.svd(R)
-    return rigid(transform(found[:3, 3], u @ vt), field)
+    return rigid(transform(found[:3, 3], nearest_rotation(R)), field)
 
 
 def posture_of(value: Any, field: str, object_pose: Array | None = None) -> Posture:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.transforms import cross, transform
+from handfast.core.transforms import cross, nearest_rotation, transform
 from handfast.geometry.contacts import THRESHOLD
 from handfast.geometry.scene import HandObjectPair, Scene, SelfCollisionPair
 from handfast.model.hand.coupling import drivers
@@ -149,9 +149,7 @@ class Separator:
         q = np.clip(q + self.spread @ x[6:], lower, upper)
         center = pose[:3, :3] @ self.center + pose[:3, 3]
         turn = Rotation.from_rotvec(x[3:6]).as_matrix()
-        R = turn @ pose[:3, :3]
-        u, _, vt = np.linalg.svd(R)  # many turns in a row drift
-        R = u @ vt
+        R = nearest_rotation(turn @ pose[:3, :3])  # many turns in a row drift
         return q, transform(center + x[:3] - R @ self.center, R)
 
 
