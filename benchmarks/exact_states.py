@@ -1,11 +1,11 @@
 """How many answers that hold are proved to hold exactly, and what that costs beside the search.
 
-    python -m benchmarks.exact_states [--count 1000] [--first 3200000] [--limit 5] [--bundled]
+    python -m benchmarks.exact_states [--count 1000] [--first 3200000] [--limit 5] [--bundled | --folder IMPORTED]
 
 Fresh random grasps of 3 to 8 contacts in ten families: those of `no_cap.py`, joints with laws of their own, soft
 fingers, friction without the maximum dissipation principle. Of each: checks at 0.5 and 0.8 of its maximum, and the
-lower bound of the maximum itself with the magnitude among the unknowns. With --bundled the bundled grasps instead:
-checks with gravity along the axes and maxima along them. Whatever is not exact is listed with its reason. Times are
+lower bound of the maximum itself with the magnitude among the unknowns. With --bundled the bundled grasps instead,
+with --folder published ones (`handfast import ... --gain KP`): checks with gravity along the axes and maxima along them. Whatever is not exact is listed with its reason. Times are
 processor times, of answers without their proofs of SLIPS, in one thread. Writes results/exact_states.json.
 """
 
@@ -35,7 +35,7 @@ from handfast.proofs.existence import Proved, nearby, prove
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.answers import check, maximum
+from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem.grasp_limits import NO_LIMITS
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
@@ -140,13 +140,27 @@ def fresh(count: int, first: int, limit: float) -> Iterator[dict[str, Any]]:
         yield from rows_of(family, str(first + k), grasp, direction, options, [], limit)
 
 
-def of_bundled(limit: float) -> Iterator[dict[str, Any]]:
-    """Bundled grasps: gravity along the axes, and maxima along them."""
-    for name in bundled.names("grasps"):
-        grasp = load_grasp(bundled.resolve("grasps", name))
+def of_files(family: str, files: dict[str, Path], limit: float) -> Iterator[dict[str, Any]]:
+    """Grasps by name: gravity along the axes, and maxima along them.
+
+    Grasps without commands get the least ones that hold their weight from above, and a fifth more.
+    """
+    for name, file in files.items():
+        grasp = load_grasp(file)
+        if not np.any(grasp.command):
+            weight = (grasp.mass or 0.3) * 9.81 * pulls(grasp)[5]
+            least = torques(grasp, weight, settings=Settings(timeout=limit, jobs=1, verify=False))
+            if least.preload is None:
+                continue
+            grasp = grasp.with_preload({n: 1.2 * f for n, f in least.preload.items()})
         for k, direction in enumerate(pulls(grasp)):
             force = (grasp.mass or 0.3) * 9.81
-            yield from rows_of("bundled", f"{name} {k}", grasp, direction, {}, [force * direction], limit)
+            yield from rows_of(family, f"{name} {k}", grasp, direction, {}, [force * direction], limit)
+
+
+def bundled_grasps() -> dict[str, Path]:
+    """Files of the bundled grasps by name."""
+    return {name: Path(bundled.resolve("grasps", name)) for name in bundled.names("grasps")}
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -169,9 +183,18 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=3_200_000)
     parser.add_argument("--limit", type=float, default=5.0, help="[s] per question")
     parser.add_argument("--bundled", action="store_true")
+    parser.add_argument("--folder", type=Path, help="of imported grasps; every --step-th is asked")
+    parser.add_argument("--step", type=int, default=1)
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
-    rows = list(of_bundled(args.limit) if args.bundled else fresh(args.count, args.first, args.limit))
+    if args.bundled:
+        family, rows = "bundled", of_files("bundled", bundled_grasps(), args.limit)
+    elif args.folder:
+        files = {file.name.split(".")[0]: file for file in sorted(args.folder.glob("*.grasp.json"))[:: args.step]}
+        family, rows = "published", of_files("published", files, args.limit)
+    else:
+        family, rows = "fresh", fresh(args.count, args.first, args.limit)
+    rows = list(rows)
     done = summary(rows)
     for name, line in done.items():
         print(f"{name:28s} {line}")
@@ -179,7 +202,7 @@ def main() -> None:
     for r in missed:
         print(r["family"], r["name"], r["contacts"], r["asked"], r["proved"], f"{r['residual']:.1e}", r["reason"])
     data = json.loads(args.out.read_text()) if args.out.exists() else {}
-    data |= {"machine": describe(), "bundled" if args.bundled else "fresh": {"summary": done, "not exact": missed}}
+    data |= {"machine": describe(), family: {"summary": done, "not exact": missed}}
     args.out.write_text(json.dumps(data, indent=1) + "\n")
 
 
