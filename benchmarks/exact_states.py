@@ -4,9 +4,10 @@
 
 Fresh random grasps of 3 to 8 contacts in ten families: those of `no_cap.py`, joints with laws of their own, soft
 fingers, friction without the maximum dissipation principle. Of each: checks at 0.5 and 0.8 of its maximum, and the
-lower bound of the maximum itself with the magnitude among the unknowns. With --bundled the bundled grasps instead,
-with --folder published ones (`handfast import ... --gain KP`): checks with gravity along the axes and maxima along them. Whatever is not exact is listed with its reason. Times are
-processor times, of answers without their proofs of SLIPS, in one thread. Writes results/exact_states.json.
+lower bound of the maximum itself with the magnitude among the unknowns. With --bundled the bundled grasps instead, with
+--folder published ones (`handfast import ... -o FOLDER`): checks with gravity along the axes and maxima along them.
+Whatever is not exact is listed with its reason. Times are processor times, of answers without their proofs of SLIPS, in
+one thread. Writes results/exact_states.json.
 """
 
 from __future__ import annotations
@@ -188,13 +189,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
     if args.bundled:
-        family, rows = "bundled", of_files("bundled", bundled_grasps(), args.limit)
+        family, asked = "bundled", of_files("bundled", bundled_grasps(), args.limit)
     elif args.folder:
         files = {file.name.split(".")[0]: file for file in sorted(args.folder.glob("*.grasp.json"))[:: args.step]}
-        family, rows = "published", of_files("published", files, args.limit)
+        family, asked = "published", of_files("published", files, args.limit)
     else:
-        family, rows = "fresh", fresh(args.count, args.first, args.limit)
-    rows = list(rows)
+        family, asked = "fresh", fresh(args.count, args.first, args.limit)
+    rows = list(asked)
     done = summary(rows)
     for name, line in done.items():
         print(f"{name:28s} {line}")
