@@ -13,10 +13,10 @@ from handfast.cli.console import table
 from handfast.cli.load_options import SceneOptions, load_placed, weight_note
 from handfast.cli.options import Assignments, Command, EndsIn, Reported, assigned, closing_senses
 from handfast.core.errors import InputError
+from handfast.core.schema import written
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.configuration import Configuration
-from handfast.model.grasp import Contact
 from handfast.model.hand import Hand
 from handfast.pictures import words, write_report
 from handfast.pictures.scene import scene_meshes
@@ -67,16 +67,9 @@ class Contacts(SceneOptions, Reported, Command):
         hand, q = placed.applied(hand)
         with console.watch("contacts"):
             grasp = contact_grasp(
-                hand,
-                q,
-                body,
-                placed.pose,
-                preload=assigned(self.preload, "--preload") if self.preload else placed.preload,
-                threshold=self.threshold,
-                lock=self.lock,
-                mechanism=self.mechanism,
-                torsion=torsion,
-            )
+                hand, q, body, placed.pose, threshold=self.threshold, lock=self.lock, mechanism=self.mechanism,
+                preload=assigned(self.preload, "--preload") if self.preload else placed.preload, torsion=torsion,
+            )  # fmt: skip
         grasp = grasp.from_configuration(self.configuration)
         if self.output:
             save_grasp(grasp, self.output, force=self.force)
@@ -129,30 +122,21 @@ class Close(SceneOptions, Reported, Command):
         with console.watch("close"):
             scene = Scene(hand, body)
             closed = close(hand, q0, body, placed.pose, threshold=self.threshold, scene=scene)
-        result = Configuration.of(
-            hand,
-            closed.q,
-            placed.pose,
-            hand=self.hand,
-            object=self.object,
-            closing=(placed.closing or {}) | senses or None,
-            preload=preload,
-        )
+        named: dict[str, Any] = {"hand": self.hand, "object": self.object, "preload": preload}
+        closing = (placed.closing or {}) | senses or None
+        result = Configuration.of(hand, closed.q, placed.pose, closing=closing, **named)
         if self.output:
             save_configuration(result, self.output, force=self.force)
         if (
             self.grasp or self.report
         ):  # without contacts, or with a preload of a finger that touches nothing, this says so
-            grasp = contact_grasp(
-                hand,
-                closed.q,
-                body,
-                placed.pose,
-                preload=preload,
-                threshold=self.threshold,
-                mechanism=self.mechanism,
-                scene=scene,
-            )
+            how: dict[str, Any] = {
+                "preload": preload,
+                "threshold": self.threshold,
+                "mechanism": self.mechanism,
+                "scene": scene,
+            }
+            grasp = contact_grasp(hand, closed.q, body, placed.pose, **how)
             if self.output:
                 grasp = grasp.from_configuration(self.output)
             if self.grasp:
@@ -169,7 +153,7 @@ class Close(SceneOptions, Reported, Command):
                     "stopped": closed.stopped,
                     "touching": list(closed.touching),
                     "penetration": closed.penetration,
-                    "contacts": [contact_entry(c) for c in closed.contacts],
+                    "contacts": written(closed.contacts),
                 }
             )
             return console.ANSWERED
@@ -189,14 +173,3 @@ class Close(SceneOptions, Reported, Command):
         if closed.contacts:
             tables.show_contacts(out, closed.contacts)
         console.say_written(out, self.output, self.grasp, self.report)
-
-
-def contact_entry(contact: Contact) -> dict[str, Any]:
-    """A contact as in a grasp file."""
-    return {
-        "position": contact.position.tolist(),
-        "normal": contact.normal.tolist(),
-        "friction": contact.friction,
-        "link": contact.link,
-        "depth": contact.depth,
-    }

@@ -88,7 +88,6 @@ def build() -> tuple[Grasp, list[Mesh]]:
 
     One motor per joint, as in the paper: joints without a command, the distal ones, are locked.
     """
-
     placed = load_placed(CONFIGURATION)
     hand, q = placed.applied(load_hand(placed.hand or HAND))
     body = load_body(placed.object or CONFIGURATION)

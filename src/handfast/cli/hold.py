@@ -109,7 +109,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
 
     def _why(self, answer: HoldAnswer) -> str:
         """Why an answer is not complete, and what helps; '' if it is."""
-
         stops = {answer.stop, *(a.stop for a in answer.margins.values())}
         if Stop.INTERRUPTED in stops:
             return "It was interrupted; this is what was found so far."
@@ -157,7 +156,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
 
     def held(self, row: DatasetRow) -> HeldGrasp:
         """What is known of a row; a fault in it is its reason."""
-
         options = self.options()
         try:
             if isinstance(row.content, FaultyRow):

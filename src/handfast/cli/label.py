@@ -146,20 +146,11 @@ class Label(JointLawOptions, WorkOptions, Command):
         pulls: list[Any] = []
         for g in self.gravity:
             pulls += AXES if g == ALL else [tuple(g)]
-        asked: dict[str, Any] = {"gravity": tuple(pulls)} if pulls else {}
-        return Labelling(
-            **asked,
-            directions=self.directions,
-            gap=self.gap,
-            nodes=self.nodes,
-            timeout=self.timeout,
-            replay=self.replay,
-        )
+        return self.made(Labelling, gravity=tuple(pulls) or AXES)
 
     def _changes(self) -> GraspChanges:
         preload = assigned(self.preload, "--preload") if self.preload else None
-        place: Any = tuple(self.center_of_mass) or None
-        return GraspChanges(self.mass, place, self.friction, preload)
+        return self.made(GraspChanges, center_of_mass=self.center_of_mass or None, preload=preload)
 
     def _scene(self) -> SceneSource | None:
         laws_named(self.joint_laws, "--joint-laws")

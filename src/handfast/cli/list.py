@@ -63,7 +63,6 @@ class List(Command):
 
 def table_1() -> dict[str, str]:
     """The hands of the synthesis paper's Table 1, which are built and have no files."""
-
     return {
         TABLE_1_PREFIX + name: f"{design.title}: {design.dof} motors, nominal dimensions"
         for name, design in TABLE_1.items()

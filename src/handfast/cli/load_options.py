@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -57,7 +57,6 @@ class JointLawOptions:
 
     def lawful(self, hand: Hand) -> Hand:
         """A hand as these options want it."""
-
         laws_named(self.joint_laws, "--joint-laws")
         try:
             return hand.with_laws(self.joint_laws).with_backdrivable(self.backdrivable)
@@ -99,7 +98,6 @@ class SceneOptions(JointLawOptions, ObjectOptions):
 
     def load_scene(self) -> tuple[Hand, Body]:
         """Hand and object."""
-
         if ending(Path(self.hand)) in (".json", *MESHES):
             raise InputError("is an object; the hand comes first, then the object", source=self.hand)
         hand = load_hand(self.hand, root=self.root, srdf=self.srdf)
@@ -111,7 +109,6 @@ class SceneOptions(JointLawOptions, ObjectOptions):
 
 def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **about: Any) -> Body:
     """The object that a command names; `InputError` for a scale that its file would not take."""
-
     file = bundled.resolve("objects", name)
     if scale != 1 and file.lower().endswith(".json"):
         raise InputError("states its own size; --scale is for mesh files", source=name)
@@ -120,7 +117,6 @@ def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **abou
 
 def weight_note(body: Body) -> str:
     """What a grasp file says of the object's weight, for people."""
-
     if body.mass is None:
         return "Its mass is unknown; give --mass KG, here or when its weight is asked about."
     return f"The object weighs {num(body.mass)} kg, its centre of mass is {place_text(body.center_of_mass)}."
@@ -128,7 +124,6 @@ def weight_note(body: Body) -> str:
 
 def load_placed(path: str) -> Configuration:
     """A configuration by path or bundled name."""
-
     return load_configuration(bundled.resolve("configurations", path))
 
 
@@ -160,7 +155,6 @@ class WeightOptions(Command):
 
     def weight_text(self, grasp: Grasp) -> str:
         """What was weighed: 'Weight of 0.3 kg at (0, 0, 10) mm: mass and centre of mass as the grasp file says'."""
-
         heavy = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass or None)
         if heavy.mass is None or heavy.center_of_mass is None:
             return ""
@@ -200,10 +194,6 @@ class Load(WeightOptions):
     gravity: Triple = ()
     """instead: the direction in which gravity pulls, object axes; mass and centre of mass as in the grasp file"""
 
-    def disturbance(self, grasp: Grasp, source: str) -> Numbers:
-        """(6,) the wrench that was asked about."""
-        return self.one_wrench(self.wrench, self.gravity, grasp, source)
-
 
 @dataclass(kw_only=True)
 class Direction(WeightOptions):
@@ -214,10 +204,6 @@ class Direction(WeightOptions):
     """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
     gravity: Triple = ()
     """instead: the direction in which gravity pulls, object axes; the answer multiplies the object's weight"""
-
-    def along(self, grasp: Grasp, source: str) -> Numbers:
-        """(6,) the direction that was asked about."""
-        return self.one_wrench(self.direction, self.gravity, grasp, source)
 
 
 @dataclass(kw_only=True)
@@ -234,23 +220,18 @@ class Disturbances(WeightOptions):
 
     def disturbances(self, grasp: Grasp, source: str) -> Loads:
         """What was asked about, by name."""
-
         self.check_given()
         named: list[tuple[str, Sequence[float]]] = []
         if not self.gravity:
             self.refuse_weight()
-            for k, w in enumerate(self.wrench):
-                name = "wrench" if len(self.wrench) == 1 else f"wrench {k + 1}"
-                named.append((name, as_wrench(w, name).tolist()))
+            named += [(name, as_wrench(w, name).tolist()) for name, w in _numbered(self.wrench)]
             if self.loads:
                 named += load_loads(self.loads).by_name.items()
         else:
             heavy = self.weighed(grasp, source)
             for g in self.gravity:
-                ways = (
-                    [(name, axis_vector(name)) for name in AXES] if g == ALL else [(" ".join(f"{x:g}" for x in g), g)]
-                )
-                named += [(f"gravity {name}", heavy.gravity_wrench(way).tolist()) for name, way in ways]
+                ways = {name: axis_vector(name) for name in AXES} if g == ALL else {" ".join(f"{x:g}" for x in g): g}
+                named += [(f"gravity {name}", heavy.gravity_wrench(way).tolist()) for name, way in ways.items()]
         twice = [name for k, (name, _) in enumerate(named) if name in [n for n, _ in named[:k]]]
         if twice:
             raise InputError(f"'{twice[0]}' is asked about twice")
@@ -264,6 +245,11 @@ class Disturbances(WeightOptions):
     def check_given(self) -> None:
         """`InputError` unless wrenches or weights are asked about."""
         self.check_one(self.wrench or self.loads, self.gravity)
+
+
+def _numbered(wrenches: Sequence[Numbers]) -> list[tuple[str, Numbers]]:
+    """Wrenches by the names that answers have for them."""
+    return [("wrench" if len(wrenches) == 1 else f"wrench {k + 1}", w) for k, w in enumerate(wrenches)]
 
 
 def axis_vector(axis: str) -> Numbers:
@@ -289,7 +275,6 @@ class LoadsOptions:
 
     def asked(self, body: Body) -> Loads:
         """All the loads that were asked for, without the factor of safety."""
-
         up = self.up or ("z" if self.tilt else None)
         found: list[Loads] = []
         if up:
@@ -303,8 +288,7 @@ class LoadsOptions:
                     raise InputError(f"is about {axis}; {others} is needed, {up} points up", field="--tilt")
                 about, vertical = np.array(axis_vector(axis)), np.array(axis_vector(down))
                 found.append(Loads.tilt(body, about, np.radians(angle), down=vertical))
-        for k, w in enumerate(self.wrench):
-            found.append(Loads.wrench(w, "wrench" if len(self.wrench) == 1 else f"wrench {k + 1}"))
+        found += [Loads.wrench(w, name) for name, w in _numbered(self.wrench)]
         if self.loads:
             found.append(load_loads(self.loads))
         whole = found[0] if found else Loads.gravity(body)
@@ -314,7 +298,7 @@ class LoadsOptions:
 
 
 @dataclass(kw_only=True)
-class SearchFlags(LoadsOptions, WorkOptions, Reported):
+class SearchFlags(LoadsOptions, WorkOptions, Reported, Command):
     """A search for grasps."""
 
     joint_laws: Annotated[str, arg(metavar="LAWS")] = SOLID
@@ -336,16 +320,15 @@ class SearchFlags(LoadsOptions, WorkOptions, Reported):
 
     def options(self, kind: type[SearchOptions], **more: Any) -> Any:
         """The options of the API, of a kind: by their names, `more` where these are others on the command line."""
-
         limits = PlanLimits(
             command_limit=self.command_limit,
             torque_limits=assigned(self.torque_limit, "--torque-limit"),
             force_limit=self.force_limit,
             eta=float(np.radians(self.eta)),
         )
-        same = {f.name: getattr(self, f.name) for f in fields(kind) if hasattr(self, f.name)}
-        timeout = None if same["timeout"] == float("inf") else same["timeout"]
+        seconds = getattr(self, "timeout", None)
+        timeout = None if seconds == float("inf") else seconds
         try:
-            return kind(**same | {"limits": limits, "timeout": timeout, "ignored": self.ignore_pair} | more)
+            return self.made(kind, **{"limits": limits, "timeout": timeout, "ignored": self.ignore_pair} | more)
         except InputError as fault:
             raise InputError(fault.problem, field=f"--{(fault.field or '').replace('_', '-')}") from None

@@ -59,15 +59,10 @@ class MeasureGrasp(GraspOptions, Reported, Command):
         grasp = self.load()
         try:
             found = measure(
-                grasp,
-                about=self.about or None,
-                length=self.length,
-                edges=self.edges,
-                force_limit=self.force_limit,
-                torque_limits=assigned(self.torque_limit, "--torque-limit"),
-                passive=self.passive,
+                grasp, about=self.about or None, length=self.length, edges=self.edges, force_limit=self.force_limit,
+                torque_limits=assigned(self.torque_limit, "--torque-limit"), passive=self.passive,
                 settings=Settings(nodes=self.nodes, gap=GAP, verify=False),
-            )
+            )  # fmt: skip
         except InputError as error:
             names = {"torque_limits": "torque_limit"}
             first, *rest = (error.field or "").split(".")
@@ -115,7 +110,6 @@ def _cell(value: Any) -> str:
 
 def show(out: Console, found: Measures, *written: Path | None) -> None:
     """The table."""
-
     grasp = found.grasp
     out.print(f"{grasp.name}: {words.grasp_text(grasp)}; preload {words.preload_text(grasp)}")
     about = words.place_text(found.scale.about).removeprefix("at ")
@@ -135,7 +129,6 @@ def show(out: Console, found: Measures, *written: Path | None) -> None:
 
 def value_text(v: MeasuredValue) -> str:
     """A value with its unit."""
-
     if v.value is None:
         return "–"
     if isinstance(v.value, bool):

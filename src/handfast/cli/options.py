@@ -7,9 +7,9 @@ import re
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, TypeVar, get_type_hints
 
 from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import PrimitiveConstructorSpec
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 Numbers = tuple[float, ...]
 Pairs = tuple[tuple[str, float], ...]
+T = TypeVar("T")
 
 
 def _wrench(words: list[str]) -> Numbers:
@@ -191,6 +192,11 @@ class Command:
             for about in getattr(hint, "__metadata__", ()):
                 if isinstance(about, EndsIn):
                     check_writable(getattr(self, name), getattr(self, "force", False), about.endings)
+
+    def made(self, kind: type[T], **others: Any) -> T:
+        """Options of the API, of a kind: by their names, `others` where these are not what the command line says."""
+        same = {f.name: getattr(self, f.name) for f in fields(kind) if hasattr(self, f.name)}  # type: ignore[arg-type]
+        return kind(**same | others)
 
     @abstractmethod
     def run(self) -> int:

@@ -205,19 +205,8 @@ class Paper(Command):
         torques = assigned(self.torque_limit, "--torque-limit")
         limits = GraspLimits(float(np.radians(self.eta)), torques, self.force_limit)
         solver = self.solver or ("gurobi" if available("gurobi") and not available("scip") else "scip")
-        settings = RefinementSettings(solver, self.sectors, self.full, self.as_printed, self.gap, self.timeout)
-        return MethodOptions(
-            direction=self.direction,
-            wrench=self.wrench,
-            base=self.base,
-            least=self.least,
-            plane=self.plane,
-            steps=36 if self.steps is None else self.steps,
-            limits=limits,
-            settings=settings,
-            edges=self.edges,
-            over=Over(self.over),
-        )
+        settings, steps = self.made(RefinementSettings, solver=solver), 36 if self.steps is None else self.steps
+        return self.made(MethodOptions, steps=steps, limits=limits, settings=settings, over=Over(self.over))
 
 
 def _option(name: str) -> str:

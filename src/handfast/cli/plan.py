@@ -140,7 +140,6 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
 
     def _surroundings(self) -> Surroundings | None:
         """What the object stands on and what is around it; None if nothing was said of that."""
-
         if not (self.support or self.obstacle or self.travel is not None):
             return None
         way = np.array(axis_vector(self.up or "z"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -65,8 +65,8 @@ class Propose(ObjectOptions, Reported, Command):
             check_writable(copy, self.force, (".json",))
             named = str(copy)
         with console.watch("propose") as watch:
-            asked = {f.name: getattr(self, f.name) for f in fields(ProposeOptions)} | {"object": named}
-            found = propose(hand, regions, body, self.kind, options=ProposeOptions(**asked), on_progress=watch.say)
+            options = self.made(ProposeOptions, object=named)
+            found = propose(hand, regions, body, self.kind, options=options, on_progress=watch.say)
         written = found.save(self.output, force=self.force) if self.output else []
         if copy and written:
             said: dict[str, Any] = {"scale": self.scale, "center_of_mass": self.center_of_mass or None}

@@ -87,19 +87,8 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         if not found:
             raise InputError("no grasps", source=", ".join(map(str, self.files)))
         name, mapping = self._mapping(hand, found)
-        treatment = Treatment(self.contacts, self.separate, self.close_gaps, self.threshold, self.tolerance)
-        importer = Importer(
-            hand,
-            mapping,
-            treatment,
-            self.hand,
-            self.objects,
-            self.object,
-            self.mass,
-            self.friction,
-            self.scale,
-            self.gain,
-        )
+        given: dict[str, Any] = {"treatment": self.made(Treatment), "hand_name": self.hand, "roots": self.objects}
+        importer = self.made(Importer, hand=hand, mapping=mapping, **given)
         rows: list[ImportedGrasp] = []
         with console.watch("import") as watch:
             for row in imported(importer, found, **workers):

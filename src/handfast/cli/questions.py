@@ -99,7 +99,7 @@ class Max(Direction, QueryOptions, Saved, LoadingOrder, FrictionModel):
 
     def run(self) -> int:
         grasp, options = self.load(), self.options()
-        direction = self.along(grasp, self.grasp)
+        direction = self.one_wrench(self.direction, self.gravity, grasp, self.grasp)
         options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval, "loading": self.loading}
         with console.watch("max") as watch:
             answer = maximum(grasp, direction, on_progress=watch.step, **options)
@@ -125,7 +125,7 @@ class Torques(Load, QueryOptions, Saved):
 
     def run(self) -> int:
         grasp, options = self.load(), self.options()
-        wrench = self.disturbance(grasp, self.grasp)
+        wrench = self.one_wrench(self.wrench, self.gravity, grasp, self.grasp)
         with console.watch("torques") as watch:
             answer = torques(grasp, wrench, objective=self.objective, on_progress=watch.step, **options)
         entry = Entry(f"Which commands resist {load_text(wrench)}?", answer, eta=self.limits.eta)

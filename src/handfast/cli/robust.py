@@ -49,7 +49,7 @@ class Robust(Direction, GraspOptions, Reported):
 
     def run(self) -> int:
         grasp, bounds = self.load(), self._bounds()
-        direction = self.along(grasp, self.grasp)
+        direction = self.one_wrench(self.direction, self.gravity, grasp, self.grasp)
         with console.watch("robust") as watch:
             found = sampled_maximum(
                 grasp, direction, bounds, samples=self.samples, seed=self.seed, base=self.base or None,

@@ -53,7 +53,7 @@ class Simulate(GraspOptions, Load, Reported):
 
     def run(self) -> int:
         grasp = self.load()
-        wrench = self.disturbance(grasp, self.grasp)
+        wrench = self.one_wrench(self.wrench, self.gravity, grasp, self.grasp)
         with console.watch("simulate") as watch:
             found = (simulate_bodies if self.bodies else simulate)(
                 grasp, wrench, loading=self.loading, ramp=self.ramp,
@@ -97,7 +97,6 @@ def show_simulation(found: SimulationResult, *written: Path | None) -> None:
 
 def lines(found: SimulationResult) -> list[str]:
     """The ending in a headline, and what there is to know beside it."""
-
     moved = f"{1e3 * found.motion[-1]:.3g} mm"
     touching = ", ".join(str(i) for i in found.touching) or "none"
     rate = f"{1e3 * found.rate:.2g} mm/s"
@@ -146,7 +145,7 @@ class Settle(GraspOptions, Load, Reported):
     def run(self) -> int:
         self._check_output()
         grasp = self.load()
-        wrench = self.disturbance(grasp, self.grasp)
+        wrench = self.one_wrench(self.wrench, self.gravity, grasp, self.grasp)
         if self.gravity:  # both grasps are written with the mass and the centre that were asked about
             grasp = self.weighed(grasp, self.grasp)
         centre = grasp.center_of_mass if self.gravity else None
