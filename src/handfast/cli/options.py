@@ -16,7 +16,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from handfast.cli import console
 from handfast.core import bundled
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -230,10 +230,8 @@ class GraspOptions:
         if self.preload and self.no_preload:
             raise InputError("give either --preload or --no-preload")
         if self.preload:
-            try:
+            with FaultsOf(source):
                 grasp = grasp.with_preload(assigned(self.preload, "--preload"))
-            except InputError as error:
-                raise error.at(source) from None
         if self.no_preload:
             grasp = grasp.with_preload(None)
         grasp = grasp if self.friction is None else grasp.with_friction(self.friction)
@@ -416,8 +414,6 @@ def load_solvable(name: str) -> Task:
     from handfast.synthesis.task_file import load_task
 
     task = load_task(name)
-    try:
+    with FaultsOf(name):
         driver_ranges(task.hand, task.involved.tolist())
-    except InputError as fault:
-        raise fault.at(name) from None
     return task

@@ -54,6 +54,20 @@ class InputError(ValueError):
         return InputError(self.problem, source=self.source, field=f"{field}.{self.field}" if self.field else field)
 
 
+class FaultsOf:
+    """A context: an `InputError` in it is said of a file (`InputError.at`), or of the part at a field (`within`)."""
+
+    def __init__(self, source: object = None, *, field: str = "") -> None:
+        self.source, self.field = source, field
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, fault: BaseException | None, trace: object) -> None:
+        if isinstance(fault, InputError):
+            raise (fault.within(self.field) if self.field else fault.at(str(self.source))) from None
+
+
 def unknown_name(kind: str, name: str, known: Iterable[object], *, field: str | None = None) -> InputError:
     """`InputError` for a name that does not exist: the nearest of the names that do, and all of them."""
     names = [str(k) for k in known]

@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from handfast.core import bundled
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.proofs import strict_json
 
 SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
@@ -64,10 +64,8 @@ def read_named(folder: str, source: str | Path, kind: str, make: Callable[[Any, 
     """
     file = Path(bundled.resolve(folder, str(source)))
     data = read_json(file, kind)
-    try:
+    with FaultsOf(source):
         return make(data, file)
-    except InputError as fault:
-        raise fault.at(str(source)) from None
 
 
 def write_text(path: str | Path, text: str, *, force: bool) -> None:

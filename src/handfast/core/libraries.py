@@ -14,9 +14,21 @@ import threading
 from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from types import FrameType
+from typing import Any
+
+from handfast.core.errors import InputError
 
 SOON = 0.02  # [s] after which is looked again whether an import goes on
+
+
+def optional(module: str, problem: str, source: object = None) -> Any:
+    """A package that need not be installed; `InputError` that says what to do if it is not."""
+    try:
+        return import_module(module)
+    except ImportError:
+        raise InputError(problem, source=None if source is None else str(source)) from None
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from numpy.lib import format as npy
 
 from handfast.core.errors import InputError
 from handfast.core.files import read_json
+from handfast.core.libraries import optional
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspDataset, PosedRow, printable
 
 LONGEST = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
@@ -262,11 +263,7 @@ class ParquetPostures(PostureTable):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        try:
-            import pyarrow
-            from pyarrow import parquet
-        except ImportError:
-            raise InputError(PARQUET, source=str(path)) from None
+        pyarrow, parquet = (optional(name, PARQUET, path) for name in ("pyarrow", "pyarrow.parquet"))
         try:
             file = parquet.ParquetFile(path)
         except (pyarrow.ArrowException, OSError) as fault:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError, require_not_negative, require_positive
+from handfast.core.errors import FaultsOf, InputError, require_not_negative, require_positive
 from handfast.core.presented import Presented
 from handfast.model.mesh_pieces import checked_mesh, checked_scale, joined, pieces_of
 from handfast.model.shape import Faces, Mesh, Shape
@@ -114,13 +114,11 @@ class Body(Presented):
         if not (corners == corners.round()).all():
             raise InputError("has faces that are no whole numbers; three vertices by number are needed", source=name)
         group = checked_mesh(points, corners.astype(np.int64), name)
-        try:
+        with FaultsOf(name):
             pieces = pieces_of([group], name, scale)
             drawn = group[0] * scale, group[1]
             about = {"mass": mass, "friction": friction, "center_of_mass": center_of_mass}
             return cls.of(pieces, name=name, mesh=drawn, **about)  # type: ignore[arg-type]
-        except InputError as fault:
-            raise fault.at(name) from None
 
     def gravity_wrench(self, direction: object, g: float = 9.81) -> Array:
         """(6,) [N, N m] weight as a wrench at the object's origin, object axes.

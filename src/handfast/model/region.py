@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError, require_positive
+from handfast.core.errors import FaultsOf, InputError, require_positive
 from handfast.core.schema import InFiles, Vector3, written
 from handfast.core.transforms import normal_frame
 from handfast.model.bernstein import (
@@ -56,12 +56,10 @@ class Region(InFiles, ABC):
         """From the numbers that a file has for it; the inverse of `numbers`. `InputError` names the field."""
         from handfast.core.files import validate  # pydantic, slow to import
 
-        try:
+        with FaultsOf(field=cls.kind):
             if "flip" in numbers:
                 raise InputError("stands beside the region, not in it", field="flip")
             return validate(cls, numbers | {"flip": flip})
-        except InputError as fault:
-            raise fault.within(cls.kind) from None
 
     def numbers(self) -> Any:
         """All of it but `flip`, as JSON-able data."""

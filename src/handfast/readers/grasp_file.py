@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked, unknown_name
+from handfast.core.errors import FaultsOf, kinds_checked, unknown_name
 from handfast.core.files import Strict, Vector, parse_json, read_named, validate, write_text
 from handfast.core.schema import LEFT_OUT, InFiles, written
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
@@ -130,10 +130,8 @@ def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
         InputError: it exists and `force` is not set; a number that no file may have.
     """
     text = json.dumps(file_dict(grasp, Path(path).parent), indent=1) + "\n"
-    try:
+    with FaultsOf(path):
         parse_json(text)  # what could not be read again is not written
-    except InputError as error:
-        raise error.at(str(path)) from None
     write_text(path, text, force=force)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from handfast.core import bundled
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import FaultsOf, InputError, kinds_checked
 from handfast.model.body import Body
 from handfast.model.mesh_pieces import checked_scale, joined, pieces_of
 from handfast.readers import registry
@@ -51,7 +51,7 @@ def load_body(
     if not os.path.isfile(path) and not os.path.isdir(path):  # False, too, for what can be no name
         known = "an OBJ, STL, PLY, OFF, IV, WRL, URDF, SDF, JSON or XML file"
         raise InputError(f"no such file; {known} is needed", source=str(path))
-    try:
+    with FaultsOf(path):
         checked_scale(scale)
         parts = _parts(path, scale)
         if friction is None and parts.friction is None and parts.without_friction:
@@ -67,8 +67,6 @@ def load_body(
         )
         named = str(source) if str(source) in bundled.names("objects") else str(path)
         return replace(body, source=named, scale=parts.scale)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
 
 
 def _parts(path: Path, scale: float) -> ObjectParts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import FaultsOf, InputError, unknown_name
 from handfast.core.libraries import quiet
 from handfast.core.limited import limited
 from handfast.core.transforms import quaternion_matrix, transform
@@ -53,13 +54,22 @@ def _compiled(root: Element, path: Path) -> Any:
     import mujoco
 
     try:
-        with quiet():
-            return mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as fault:
-        message = " ".join(str(fault).split()).removeprefix("Error: ")
-        raise InputError(message, field=_user_of_file(root, message)) from None
+        return _made(lambda: mujoco.MjModel.from_xml_path(str(path)))
+    except InputError as fault:
+        raise InputError(fault.problem, field=_user_of_file(root, fault.problem)) from None
     except RuntimeError:  # an exception of its own that it does not know, as where there is no more memory
         raise InputError("is not compiled by mujoco, which gives no reason; it may take too much memory") from None
+
+
+def _made(compiled: Callable[[], Any]) -> Any:
+    """An `mujoco.MjModel`; `InputError` with what mujoco says if there is none."""
+    import mujoco
+
+    try:
+        with quiet():
+            return compiled()
+    except (ValueError, mujoco.FatalError) as fault:
+        raise InputError(" ".join(str(fault).split()).removeprefix("Error: ")) from None
 
 
 def _doubt_degrees(hand: Hand, path: Path) -> None:
@@ -79,13 +89,8 @@ def _doubt_degrees(hand: Hand, path: Path) -> None:
 
 def hand_of_spec(spec: Any, base: str | None = None) -> Hand:
     """A hand from an `mujoco.MjSpec`, compiled as it is; as `hand_of_model`."""
-    import mujoco
-
-    try:
-        with quiet():
-            m = spec.compile()
-    except (ValueError, mujoco.FatalError) as fault:
-        raise InputError(" ".join(str(fault).split()).removeprefix("Error: "), source="MjSpec") from None
+    with FaultsOf("MjSpec"):
+        m = _made(spec.compile)
     return hand_of_model(m, base)
 
 

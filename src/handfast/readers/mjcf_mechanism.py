@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.hand import Coupling, Joint, direct_mechanism
 from handfast.model.hand.joint_law import FREE, JointLaw, PassiveTendon
@@ -279,10 +279,8 @@ def joint_law(m: Any, j: int) -> JointLaw:
     stiffness = float(m.jnt_stiffness[j]) if _linear(m, "jnt", j) else 0.0
     stops = _ends(m.jnt_range[j]) if m.jnt_limited[j] else FREE
     with_spring = (stiffness, (rest, rest)) if stiffness else (0.0, (0.0, 0.0))
-    try:
+    with FaultsOf(field=f"joint {m.joint(j).name or j}"):
         return JointLaw(float(m.dof_frictionloss[m.jnt_dofadr[j]]), *with_spring, stops)
-    except InputError as fault:
-        raise fault.within(f"joint {m.joint(j).name or j}") from None
 
 
 def passive_tendons(part: ModelPart) -> tuple[PassiveTendon, ...]:
@@ -302,10 +300,8 @@ def passive_tendons(part: ModelPart) -> tuple[PassiveTendon, ...]:
         stiffness = float(m.tendon_stiffness[t]) if _linear(m, "tendon", t) else 0.0
         spring = (stiffness, _ends(m.tendon_lengthspring[t])) if stiffness else (0.0, (0.0, 0.0))
         stops = _ends(m.tendon_range[t]) if m.tendon_limited[t] else FREE
-        try:
+        with FaultsOf(field=f"tendon {name}"):
             law = JointLaw(float(m.tendon_frictionloss[t]), *spring, stops)
-        except InputError as fault:
-            raise fault.within(f"tendon {name}") from None
         if law.any and row.any():
             found.append(PassiveTendon(name, row, law))
     return tuple(found)

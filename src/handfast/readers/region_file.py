@@ -15,7 +15,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from handfast.core.bundled import relative_path
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import Finite, Strict, Vector, read_named, validate, write_text
 from handfast.model.cylinder_side import ConeSide, CylinderSide
 from handfast.model.hand.hand import Hand
@@ -60,10 +60,8 @@ class RegionEntry(Strict):
         if flip and self.flip:
             raise InputError("is given twice, in the region and beside it; once is enough", field=f"{field}.flip")
         (kind,) = (kind for kind in KINDS if getattr(self, kind) is not None)
-        try:
+        with FaultsOf(field=field):
             return KINDS[kind].of(getattr(self, kind), flip or self.flip)
-        except InputError as fault:
-            raise fault.within(field) from None
 
 
 def region_to_dict(region: Region) -> dict[str, Any]:

@@ -19,8 +19,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import read_json, same_json, whole_file
+from handfast.core.libraries import optional
 from handfast.datasets.labels.label_columns import COLUMNS, NAMES
 from handfast.datasets.scene_source import same_scene
 
@@ -100,13 +101,8 @@ class ParquetFormat(LabelFormat):
     ending = ".parquet"
 
     def __init__(self) -> None:
-        try:
-            import pyarrow
-            from pyarrow import parquet
-        except ImportError:
-            problem = "needs pyarrow: pip install 'handfast[label]'; a table in .jsonl needs nothing"
-            raise InputError(problem) from None
-        self.arrow, self.parquet = pyarrow, parquet
+        problem = "needs pyarrow: pip install 'handfast[label]'; a table in .jsonl needs nothing"
+        self.arrow, self.parquet = (optional(name, problem) for name in ("pyarrow", "pyarrow.parquet"))
 
     def _schema(self, about: Mapping[str, Any] | None = None) -> Any:
         a = self.arrow
@@ -156,10 +152,8 @@ class ParquetFormat(LabelFormat):
 
 def format_of(path: Path) -> LabelFormat:
     """By a file's ending; `InputError` for another one, or without what it needs."""
-    try:
+    with FaultsOf(path):
         return format_named(path.suffix.lower())
-    except InputError as fault:
-        raise fault.at(str(path)) from None
 
 
 def format_named(ending: str) -> LabelFormat:

@@ -11,7 +11,7 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import same_json, validate
 from handfast.core.schema import InFiles
 from handfast.datasets.dataset_rows import DatasetRow, GraspChanges
@@ -122,10 +122,8 @@ class _Recipe(InFiles):
 
     @classmethod
     def of(cls, about: Mapping[str, Any], source: str) -> _Recipe:
-        try:
+        with FaultsOf(source):
             read = validate(cls, {name: about[name] for name in ("questions", "changes", "scene") if name in about})
-        except InputError as fault:
-            raise fault.at(source) from None
         return replace(read, scene=read.scene and read.scene.resolved_from(Path(source).parent))
 
     @property

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import read_json, refuse_existing, write_bytes, write_text
+from handfast.core.libraries import optional
 from handfast.core.transforms import matrix_quaternion
 from handfast.datasets.published.import_folder import SUMMARY
 from handfast.datasets.published.layouts import AT_ORIGIN
@@ -94,10 +95,8 @@ def _imported(path: Path) -> list[ExportedGrasp]:
 def _searched(path: Path, data: Any) -> list[ExportedGrasp]:
     from handfast.planning.results import grasps_file
 
-    try:
+    with FaultsOf(path):
         saved = grasps_file.from_dict(data)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
     found = []
     for g in saved.grasps:
         hand = g.solution.task.hand
@@ -175,10 +174,7 @@ def _text(
             "cspace_position": theirs(hand.values(q)),
             **({} if g.pregrasp is None else {"pregrasp_cspace_position": theirs(g.pregrasp)}),
         }
-    try:
-        import yaml
-    except ImportError:
-        raise InputError("isaac_grasp is YAML, which needs PyYAML: pip install 'handfast[published]'") from None
+    yaml = optional("yaml", "isaac_grasp is YAML, which needs PyYAML: pip install 'handfast[published]'")
     frames = {"object_frame_link": name, "gripper_frame_link": mapping.link or hand.links[0].name}
     written = {"format": "isaac_grasp", "format_version": 1.0, **frames, "grasps": entries}
     return str(yaml.safe_dump(written, sort_keys=False))

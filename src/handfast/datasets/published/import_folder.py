@@ -14,6 +14,7 @@ from typing import Any
 from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import refuse_existing, write_bytes, write_text
+from handfast.core.libraries import optional
 from handfast.datasets.published.importing import ImportedGrasp
 from handfast.datasets.published.object_finder import FoundObject
 from handfast.model.grasp import Grasp
@@ -191,10 +192,6 @@ def _flat(entry: Any, prefix: str = "") -> list[tuple[str, Any]]:
 
 
 def _pandas(path: Path) -> Any:
-    try:
-        import pandas
-        import pyarrow  # noqa: F401
-    except ImportError:
-        problem = "needs pandas and pyarrow, which are not installed; a .csv or .jsonl needs neither"
-        raise InputError(problem, source=str(path)) from None
-    return pandas
+    problem = "needs pandas and pyarrow, which are not installed; a .csv or .jsonl needs neither"
+    optional("pyarrow", problem, path)
+    return optional("pandas", problem, path)

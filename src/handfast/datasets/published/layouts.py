@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.transforms import roll_pitch_yaw, transform
 from handfast.datasets.published.recorded import (
     Posture,
@@ -246,10 +246,8 @@ def read_isaac_grasp(data: Any, name: str) -> Rows:
     names = list(found)
 
     def grasp(i: int) -> RecordedGrasp:
-        try:
+        with FaultsOf(field=f"grasps.{names[i]}"):
             return _isaac_grasp(found[names[i]], i, name)
-        except InputError as fault:
-            raise fault.within(f"grasps.{names[i]}") from None
 
     return rows(len(names), grasp)
 

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from handfast.core import bundled
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import Finite, Strict, read_named, validate
 from handfast.datasets.published.recorded import Joints, Posture, RecordedGrasp
 from handfast.model.configuration import PoseFile
@@ -70,7 +70,7 @@ def read_mapping(path: str | Path) -> HandMapping:
 def load_mapping(path: str | Path, hand: Hand) -> HandMapping:
     """A mapping by path or bundled name; `InputError` naming what the hand has not got."""
     found = read_mapping(path)
-    try:
+    with FaultsOf(path):
         twice = [n for i, n in enumerate(found.joints or ()) if n in (found.joints or ())[:i]]
         if twice:
             raise InputError(f"has '{twice[0]}' twice; each number of a file is one joint's", field="joints")
@@ -78,8 +78,6 @@ def load_mapping(path: str | Path, hand: Hand) -> HandMapping:
             hand.link(found.link)
         for joint in sorted(found.mentioned):
             hand.joint(joint, field="joints")
-    except InputError as fault:
-        raise fault.at(str(path)) from None
     return found
 
 

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.mesh_pieces import joined, pieces_of
 from handfast.model.shape import Mesh, Shape
@@ -143,10 +143,8 @@ class GraspitBody:
         if path.suffix.lower() in MESH_FILES:
             return cls(path, path, np.full(3, MILLI), np.eye(4), DEFAULT_MATERIAL, None, None)
         root = parse(path, ("root", "body"))
-        try:
+        with FaultsOf(path):
             return cls._of(root, path)
-        except InputError as fault:
-            raise fault.at(str(path)) from None
 
     @classmethod
     def _of(cls, root: Element, path: Path) -> GraspitBody:

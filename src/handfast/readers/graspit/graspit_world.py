@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.transforms import matrix_quaternion
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration, PoseFile
@@ -58,10 +58,8 @@ def read_configuration(path: Path, chosen: tuple[str, ...] = ()) -> Configuratio
             are too few or beyond the limits. One line, naming the file.
     """
     root = parse(path, ("world",))
-    try:
+    with FaultsOf(path):
         return _read(root, path, chosen)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
 
 
 def _read(root: Element, path: Path, chosen: tuple[str, ...]) -> Configuration:
@@ -78,10 +76,8 @@ def _read(root: Element, path: Path, chosen: tuple[str, ...]) -> Configuration:
     if obstacles:
         LOG.warning("%s: %d obstacle%s left out", path, obstacles, "s are" if obstacles > 1 else " is")
     pose = np.linalg.inv(pose_of(robot, "robot")) @ pose_of(body, "graspableBody")
-    try:
+    with FaultsOf(robot_path):
         dofs, parts = read_dofs(parse(robot_path, ("robot",)))
-    except InputError as fault:
-        raise fault.at(str(robot_path)) from None
     flat = [p for part in parts for p in part]
     place = PoseFile(position=tuple(pose[:3, 3]), quaternion=tuple(matrix_quaternion(pose[:3, :3])))
     return Configuration(

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import FaultsOf, InputError
 from handfast.core.transforms import transform
 from handfast.model.shape import Faces, Mesh
 from handfast.readers.graspit.scene_graph import SceneNode, parse_scene_graph
@@ -56,11 +56,8 @@ def read_inventor(path: Path) -> list[Mesh]:
             are no vertices, vertices that are NaN or infinite. One line, naming the file.
     """
     reader = _Reader()
-    try:
-        with np.errstate(all="ignore"):  # what overflows is infinite, and refused
-            reader.file(path, _State(np.eye(4)))
-    except InputError as fault:
-        raise fault.at(str(path)) from None
+    with FaultsOf(path), np.errstate(all="ignore"):  # what overflows is infinite, and refused
+        reader.file(path, _State(np.eye(4)))
     return reader.groups
 
 
