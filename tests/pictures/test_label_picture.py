@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from handfast.datasets.labels.label_summary import SPREAD_BINS, LabelSummary
+from handfast.datasets.labels.label_columns import SPREAD_BINS, LabelSummary
 from handfast.pictures.label_picture import draw_labels
 
 

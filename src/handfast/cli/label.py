@@ -17,8 +17,8 @@ from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, Wor
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
 from handfast.datasets.dataset_rows import GraspChanges
+from handfast.datasets.labels.label_columns import LabelSummary
 from handfast.datasets.labels.label_dataset import LabelProgress, label_dataset
-from handfast.datasets.labels.label_summary import LabelSummary
 from handfast.datasets.labels.labeller import AXES, Labelling
 from handfast.datasets.scene_source import SceneSource
 from handfast.model.hand.joint_law import laws_named

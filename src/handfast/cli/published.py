@@ -17,10 +17,9 @@ from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.datasets.published.exporting import ENDING, export, exported_from
 from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
-from handfast.datasets.published.importing import ImportedGrasp, Importer, Treatment, imported
+from handfast.datasets.published.importing import ImportedGrasp, Importer, Treatment, imported, meshes_of
 from handfast.datasets.published.mapping_file import HandMapping, load_mapping, mapping_for
 from handfast.datasets.published.mujoco_scene import export_scenes
-from handfast.datasets.published.object_finder import meshes_of
 from handfast.datasets.published.published_file import Source, published_files, sources
 from handfast.model.hand import Hand
 from handfast.pictures import words

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from handfast.core.errors import InputError
 from handfast.core.files import same_json
 from handfast.core.schema import InFiles
 from handfast.datasets.dataset_rows import GraspChanges, PosedRow
+from handfast.geometry.contacts import contact_grasp
+from handfast.geometry.scene import Scene
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
+from handfast.model.provenance import SourceFile
 from handfast.readers.load_body import load_body
-
-if TYPE_CHECKING:
-    from handfast.geometry.scene import Scene
+from handfast.readers.load_hand import load_hand
 
 _own = threading.local()  # a scene is not to be shared between threads
 
@@ -52,9 +53,6 @@ class SceneSource(InFiles):
     @classmethod
     def of(cls, hand: str, object: str, **others: Any) -> SceneSource:
         """With absolute paths and checksums; raises `InputError` as the loaders do."""
-        from handfast.model.provenance import SourceFile
-        from handfast.readers.load_hand import load_hand
-
         bare = cls(_absolute(hand, Path()), _absolute(object, Path()), **others)
         files = {"hand": load_hand(bare.hand, root=bare.root).source, "object": bare.object}
         hand_sum, object_sum = (f.sha256 if (f := SourceFile.of(x, kind)) else None for kind, x in files.items())
@@ -65,10 +63,6 @@ class SceneSource(InFiles):
     def scene(self) -> Scene:
         """The compiled scene, of this thread; `InputError` if files are missing or others."""
         if getattr(_own, "source", None) != self:
-            from handfast.geometry.scene import Scene
-            from handfast.model.provenance import SourceFile
-            from handfast.readers.load_hand import load_hand
-
             hand = load_hand(self.hand, root=self.root)
             body = load_body(self.object, scale=self.scale)
             for kind, source in (("hand", hand.source), ("object", self.object)):
@@ -86,8 +80,6 @@ class SceneSource(InFiles):
 
     def grasp(self, row: PosedRow, name: str, changes: GraspChanges) -> Grasp:
         """The grasp that the hand has in a row's posture; raises `InputError`."""
-        from handfast.geometry.contacts import contact_grasp
-
         scene, q = self.scene(), self.joints_of(row)
         hand = scene.hand
         pose = _numbers(row.position, 3, "object_position"), _numbers(row.quaternion, 4, "object_quaternion")

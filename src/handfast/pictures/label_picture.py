@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from handfast.datasets.labels.label_summary import edges
+from handfast.datasets.labels.label_columns import edges
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
 from handfast.pictures.words import num
 
 if TYPE_CHECKING:
-    from handfast.datasets.labels.label_summary import LabelSummary
+    from handfast.datasets.labels.label_columns import LabelSummary
 
 VERDICT_COLORS = {"holds": BLUE, "slips": MAROON, "undecided": AMBER, "no weight": GREY, "broken": INK}
 APART, ROOM = 3, 5  # bins between the rest and what is beyond it, and that the words below it take

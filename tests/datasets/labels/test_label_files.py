@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from handfast.datasets.labels.label_columns import COLUMNS, NAMES, SCHEMA, broken, complete
+from handfast.datasets.labels.label_columns import COLUMNS, KEPT, NAMES, SCHEMA, LabelSummary, broken, complete, edges
 from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.label_files import BrokenFile, LinesFormat, load_labels
-from handfast.datasets.labels.label_summary import KEPT, LabelSummary, edges
 from handfast.datasets.labels.labeller import Labelling
 from tests.support.labelled import fixture, heavy, write_lines
 

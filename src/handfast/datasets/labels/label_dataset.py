@@ -15,9 +15,8 @@ from handfast.core.files import refuse_existing, same_json
 from handfast.core.parallel import Died, Workers, workers_of
 from handfast.core.schema import written
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
-from handfast.datasets.labels.label_columns import SCHEMA, broken, complete, described
+from handfast.datasets.labels.label_columns import KEPT, SCHEMA, LabelSummary, broken, complete, described
 from handfast.datasets.labels.label_files import BrokenFile, LabelFormat, PartFolder, folder_of, format_named, format_of
-from handfast.datasets.labels.label_summary import KEPT, LabelSummary
 from handfast.datasets.labels.labeller import Labelling, label
 from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource, same_scene

@@ -15,8 +15,7 @@ from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import refuse_existing, write_bytes, write_text
 from handfast.core.libraries import optional
-from handfast.datasets.published.importing import ImportedGrasp
-from handfast.datasets.published.object_finder import FoundObject
+from handfast.datasets.published.importing import FoundObject, ImportedGrasp
 from handfast.model.grasp import Grasp
 from handfast.model.provenance import Provenance, SourceFile
 from handfast.readers.configuration_file import save_configuration
