@@ -38,8 +38,6 @@ class Simulate(GraspOptions, Load, Reported):
     """the commands first and then the load, as with a real hand, or both in proportion, as the model has it"""
     ramp: Annotated[float, arg(metavar="S")] = 8.0
     """simulated seconds over which the load grows"""
-    json: bool = False
-    """print one JSON object instead of a table"""
     save: Annotated[Path | None, arg(metavar="FILE.json"), EndsIn((".json",))] = None
     """write the result with its history"""
     series: Annotated[Path | None, arg(metavar="FILE.csv"), EndsIn((".csv",))] = None
@@ -48,8 +46,6 @@ class Simulate(GraspOptions, Load, Reported):
     """write a strip of pictures"""
     film: Annotated[Path | None, arg(metavar="FILE.gif"), EndsIn((".gif",))] = None
     """write an animation"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
         grasp = self.load()
