@@ -47,7 +47,7 @@ def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[Chec
     verdicts = [a.verdict for a in answers]
     worst = next(v for v in (Verdict.SLIPS, Verdict.UNDECIDED, Verdict.HOLDS) if v in verdicts)
     held = f"{verdicts.count(Verdict.HOLDS)} of {len(verdicts)} disturbances are resisted."
-    _head(out, grasp, worst, held, asked, commands=grasp.preload)
+    _head(out, grasp, Text(worst.upper(), STYLE[worst]), held, asked, grasp.preload)
     rows = []
     for name, wrench, a in zip(loads.names, loads.wrenches, answers, strict=True):
         shown = "a state" if a.found else sentences.certified(a.certificate, a.verified) if a.certificate else "–"
@@ -183,18 +183,19 @@ def _cases(answer: MapAnswer | SweepAnswer) -> str:
     return f"something is resisted in {verdicts.count(Verdict.HOLDS)} of {words.count(len(verdicts), 'case')}"
 
 
-def _share(answer: MapAnswer | SweepAnswer) -> str:
-    """Of how many cases the verdict is, where it is not that of all: ' IN 3 OF 21'."""
+def _share(answer: MapAnswer | SweepAnswer) -> Text:
+    """The verdict, and of how many cases it is, where it is not that of all: 'SLIPS IN 3 OF 21'."""
     verdicts = [v for c in answer.judged for v in c.verdicts]
     of = verdicts.count(answer.verdict)
-    return "" if of == len(verdicts) else f" IN {of} OF {len(verdicts)}"
+    share = "" if of == len(verdicts) else f" IN {of} OF {len(verdicts)}"
+    return Text(answer.verdict.upper() + share, STYLE[answer.verdict])
 
 
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
     named = [("no preload", answer.passive), ("with preload", answer.preloaded)]
     plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane, {words.place_text(answer.at)}"
     text = f"{plane}: {_cases(answer)}, {num(answer.seconds, 3)} s."
-    _head(out, answer.grasp, answer.verdict, text, asked, share=_share(answer), commands=answer.grasp.preload)
+    _head(out, answer.grasp, _share(answer), text, asked, answer.grasp.preload)
     rows = [(name, *_counts(curve)) for name, curve in named if curve is not None]
     print_table(out, ["", "any size", "limited", "none", "open", "largest [N]", "smallest [N]"], rows)
     _written(out, asked)
@@ -204,7 +205,7 @@ def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
     grasp = answer.grasp
     others = {name: value for name, value in grasp.preload.items() if name != answer.actuator}
     text = f"The command of {answer.actuator} varies: {_cases(answer)}."
-    _head(out, grasp, answer.verdict, text, asked, share=_share(answer), commands=others)
+    _head(out, grasp, _share(answer), text, asked, others)
     heads = [f"{answer.actuator} [{words.actuator_unit(grasp, answer.actuator)}]"]
     heads += [f"{words.direction_text(d)} [{words.magnitude(d)[1]}]" for d in answer.directions]
     rows = []
@@ -293,32 +294,23 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
 
 
 def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:
-    unreal, fragile = sentences.unphysical(answer.witness), sentences.fragile(answer)
-    commands = {} if answer.query == "torques" else grasp.preload
-    _head(out, grasp, answer.verdict, sentence, asked, unreal=unreal, fragile=fragile, commands=commands)
-    why = sentences.reason(answer, asked.settings())
-    if why:
+    word = answer.verdict.upper()
+    said = Text(word, STYLE[answer.verdict])
+    if sentences.unphysical(answer.witness):
+        said = Text(f"{word}?", "bold yellow")
+    elif sentences.fragile(answer):
+        said = Text(f"{word}, FRAGILE", "bold yellow")
+    _head(out, grasp, said, sentence, asked, {} if answer.query == "torques" else grasp.preload)
+    if why := sentences.reason(answer, asked.settings()):
         out.print(why, style="yellow")
     out.print(sentences.work(answer), style="dim")
 
 
 def _head(
-    out: Console,
-    grasp: Grasp,
-    verdict: Verdict,
-    sentence: str,
-    asked: QueryOptions,
-    *,
-    commands: Mapping[str, float],
-    unreal: bool = False,
-    fragile: bool = False,
-    share: str = "",
+    out: Console, grasp: Grasp, word: Text, sentence: str, asked: QueryOptions, commands: Mapping[str, float]
 ) -> None:
-    """commands: with which it is asked; share: of the cases that have the verdict."""
-    word, style = (verdict.upper() + "?", "bold yellow") if unreal else (verdict.upper() + share, STYLE[verdict])
-    if fragile and not unreal:
-        word, style = f"{word}, FRAGILE", "bold yellow"
-    out.print(Text.assemble((word, style), "  ", sentence))
+    """word: the verdict; commands: with which it is asked."""
+    out.print(Text.assemble(word, "  ", sentence))
     eta = f"; normals off by up to {num(asked.eta)}°" if asked.eta else ""
     facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}"
     out.print(f"{grasp.name}: {facts}", style="dim")
