@@ -137,7 +137,7 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
         jobs = min(self.jobs or default_jobs(), dataset.count)
         with console.watch("hold") as watch, workers_of(self, jobs, self.scheduler) as pool:
             try:
-                for row in pool.map(_held, items):
+                for row in pool.map(Hold.held, items):
                     rows.append(row)
                     watch.item(len(rows), dataset.count)
                     if row.answer and self.save:
@@ -167,10 +167,6 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
             return HeldGrasp(row.name, self._asked(grasp, row.name, options))
         except InputError as fault:
             return HeldGrasp(row.name, None, str(fault).removeprefix(f"{row.name}: "))
-
-
-def _held(command: Hold, row: DatasetRow) -> HeldGrasp:
-    return command.held(row)
 
 
 def status(answer: HoldAnswer) -> int:

@@ -155,7 +155,8 @@ class Paper(Command):
         out = console.out()
         if isinstance(made, TextTable):
             if self.json:
-                console.print_json({"schema": "handfast/paper/1", "table": _records(made), "notes": list(made.notes)})
+                records = [dict(zip(made.heads, row, strict=True)) for row in made.rows]
+                console.print_json({"schema": "handfast/paper/1", "table": records, "notes": list(made.notes)})
             else:
                 _print(out, made)
             if file:
@@ -216,10 +217,6 @@ def _option(name: str) -> str:
 def _effort(exhibit: Exhibit) -> str:
     """How long it takes; of a sketch, where to look instead."""
     return f"about {exhibit.seconds} s" if exhibit.make else f"sketch: {exhibit.instead}"
-
-
-def _records(made: TextTable) -> list[dict[str, str]]:
-    return [dict(zip(made.heads, row, strict=True)) for row in made.rows]
 
 
 def _print(out: Console, made: TextTable) -> None:

@@ -153,12 +153,9 @@ def _claims(done: Replay, above: str) -> Iterator[tuple[str, str, str, str]]:
     for part in done.parts:
         name = f"{above}{part.name}"
         if part.claim:
-            yield name, part.claim, _figures(part), _word(part)
+            word = "proved" if part.ok else "refused" if part.fault else "undecided"
+            yield name, part.claim, _figures(part), word
         yield from _claims(part, f"{name}, ")
-
-
-def _word(part: Replay) -> str:
-    return "proved" if part.ok else "refused" if part.fault else "undecided"
 
 
 def _figures(part: Replay) -> str:

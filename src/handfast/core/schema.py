@@ -21,7 +21,6 @@ imported when the first file is read.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import lru_cache
@@ -58,9 +57,8 @@ class Numbers:
         lists: Any = core.float_schema(allow_inf_nan=False)
         for n in reversed(self.shape):
             lists = core.list_schema(lists) if n is None else core.tuple_schema([lists] * n)
-        return core.no_info_after_validator_function(
-            _array, lists, serialization=core.plain_serializer_function_ser_schema(np.ndarray.tolist)
-        )
+        array = core.plain_serializer_function_ser_schema(np.ndarray.tolist)
+        return core.no_info_after_validator_function(lambda x: np.array(x, dtype=float), lists, serialization=array)
 
 
 class NullFor:
@@ -79,10 +77,6 @@ class NullFor:
         return core.no_info_after_validator_function(lambda x: self.value if x is None else x, number)
 
 
-def _array(values: Any) -> Array:
-    return np.array(values, dtype=float)
-
-
 Vector3 = Annotated[Array, Numbers(3)]
 Vectors3 = Annotated[Array, Numbers(None, 3)]
 
@@ -94,7 +88,8 @@ def written(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         told = ((name, getattr(value, name), how, default) for name, how, default in _fields_of(type(value)))
         kept = ((name, x, how) for name, x, how, default in told if how != "left out" or x != default)
-        return {name: written(_ends(x) if how == "open" else x) for name, x, how in kept}
+        ends = ((name, [None if math.isinf(e) else e for e in x] if how == "open" else x) for name, x, how in kept)
+        return {name: written(x) for name, x in ends}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Enum):
@@ -104,10 +99,6 @@ def written(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [written(x) for x in value]
     return value
-
-
-def _ends(values: Iterable[float]) -> list[float | None]:
-    return [None if math.isinf(x) else x for x in values]
 
 
 @lru_cache(maxsize=256)

@@ -19,7 +19,6 @@ from handfast.datasets.dataset_rows import GraspChanges, PosedRow
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.grasp import Grasp
-from handfast.model.hand.hand import Hand
 from handfast.model.provenance import SourceFile
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
@@ -92,7 +91,7 @@ class SceneSource(InFiles):
         )
         if preload is not None:  # of motors that move no contact nothing is asked
             kept = {n: f for n, f in preload.items() if n in grasp.mechanism.actuators}
-            _known(preload, hand)
+            hand.mechanism.commands(preload, field="preload")  # what nobody knows is refused
             grasp = grasp.with_preload(kept)
         mass = _number(row.mass, "mass") if changes.mass is None else changes.mass
         if mass is not None or changes.center_of_mass is not None:
@@ -156,7 +155,3 @@ def _number(value: Any, field: str) -> float | None:
     if value is None or isinstance(value, float):
         return value
     raise InputError(f"is {str(value)[:30]!r}; a number is needed", field=field)
-
-
-def _known(preload: Mapping[str, float], hand: Hand) -> None:
-    hand.mechanism.commands(preload, field="preload")

@@ -75,15 +75,12 @@ def pose_of(e: Element, field: str) -> Array:
 def turned(axis: int, degrees: float) -> Array:
     """(3, 3) turn about axis 0, 1 or 2; exact at multiples of 90 degrees."""
     quarter = (degrees / 90) % 4
-    c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[int(quarter)] if quarter.is_integer() else _cos_sin(degrees)
+    exact = ((1, 0), (0, 1), (-1, 0), (0, -1))[int(quarter)] if quarter.is_integer() else None
+    c, s = exact or (np.cos(np.radians(degrees)), np.sin(np.radians(degrees)))
     i, j = (axis + 1) % 3, (axis + 2) % 3
     R = np.eye(3)
     R[i, i], R[i, j], R[j, i], R[j, j] = c, -s, s, c
     return R
-
-
-def _cos_sin(degrees: float) -> tuple[float, float]:
-    return float(np.cos(np.radians(degrees))), float(np.sin(np.radians(degrees)))
 
 
 def _orthonormal(numbers: list[float], field: str) -> Array:

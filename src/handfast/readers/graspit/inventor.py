@@ -22,6 +22,7 @@ from handfast.readers.graspit.scene_graph import SceneNode, parse_scene_graph
 LARGEST = 1 << 26  # [bytes] of a file
 DEEPEST = 8  # files that refer to files
 MOST = 10_000  # nodes that are visited: a node that is used again is visited again
+IDENTITY = tuple(np.eye(4).ravel())
 SECTIONS = 48  # sides of a cylinder or cone
 
 SCOPES = {"Separator", "TransformSeparator", "Annotation", "Anchor", "WWWAnchor", "Collision", "Billboard", "Shape"}
@@ -189,17 +190,13 @@ def _rotation_xyz(node: SceneNode) -> Array:
     return _turned(np.eye(3)["XYZ".index(axis)], node.numbers("angle", 1, (0,))[0])
 
 
-def _matrix(node: SceneNode) -> Array:
-    return node.numbers("matrix", 16, tuple(np.eye(4).ravel())).reshape(4, 4).T  # the file's multiplies rows
-
-
 MOVES: dict[str, Callable[[SceneNode], Array]] = {
     "Transform": _placed,
     "Translation": lambda node: transform(node.numbers("translation", 3, (0, 0, 0))),
     "Rotation": _rotation,
     "RotationXYZ": _rotation_xyz,
     "Scale": lambda node: _scaled(node.numbers("scaleFactor", 3, (1, 1, 1))),
-    "MatrixTransform": _matrix,
+    "MatrixTransform": lambda node: node.numbers("matrix", 16, IDENTITY).reshape(4, 4).T,  # the file's multiplies rows
 }
 
 
@@ -211,14 +208,6 @@ def _points(node: SceneNode, state: _State) -> Array:
     if state.points is None:
         raise InputError("has no vertices", field=node.kind)
     return state.points
-
-
-def _polygons(node: SceneNode, state: _State) -> Mesh:
-    return _points(node, state), _fans(_runs(node.integers("coordIndex")))
-
-
-def _strips(node: SceneNode, state: _State) -> Mesh:
-    return _points(node, state), _bands(_runs(node.integers("coordIndex")))
 
 
 def _counted(cut: Callable[[list[list[int]]], Faces]) -> Callable[[SceneNode, _State], Mesh]:
@@ -290,8 +279,8 @@ def _solid(node: SceneNode, state: _State) -> Mesh:
 
 
 SHAPES: dict[str, Callable[[SceneNode, _State], Mesh]] = {
-    "IndexedFaceSet": _polygons,
-    "IndexedTriangleStripSet": _strips,
+    "IndexedFaceSet": lambda node, state: (_points(node, state), _fans(_runs(node.integers("coordIndex")))),
+    "IndexedTriangleStripSet": lambda node, state: (_points(node, state), _bands(_runs(node.integers("coordIndex")))),
     "FaceSet": _counted(_fans),
     "TriangleStripSet": _counted(_bands),
     **dict.fromkeys(("Cube", "Box", "Sphere", "Cylinder", "Cone"), _solid),
