@@ -133,11 +133,11 @@ def watch(what: str) -> Iterator[Watch]:
         w.stop()
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Table:
+def table(heads: Sequence[str], rows: Iterable[Sequence[str | Text]], whole: int = 2) -> Table:
     """A table in the house style; columns with a unit hold numbers.
 
-    The first columns keep their lines whole unless a cell of theirs is long: the others would be left with no room for
-    a word.
+    The first columns, `whole` of them, keep their lines whole unless a cell of theirs is long: the others would be left
+    with no room for a word.
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
@@ -146,8 +146,8 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Table:
     grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
     for i, head in enumerate(heads):
         number = i > 0 and "[" in head and head not in ("force [N]", "position [mm]")
-        whole = i < 2 and all(len(str(row[i])) <= LONG for row in cells if i < len(row))
-        grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=whole)
+        short = i < whole and all(len(str(row[i])) <= LONG for row in cells if i < len(row))
+        grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=short)
     for row in cells:
         grid.add_row(*row)
     return grid

@@ -130,10 +130,8 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
         if id(row) not in hidden:
             shown.append(row)
     if rows:
-        grid = table(["", "claims", "replayed", ""], shown)
-        grid.columns[2].no_wrap = True
         out.print()
-        out.print(grid)
+        out.print(table(["", "claims", "replayed", ""], shown, whole=3))
     if left:
         out.print(f"and {words.count(len(left), 'claim')} more that are not proved; --json lists all", style="dim")
     for line in dict.fromkeys(_not_shown(done)):
