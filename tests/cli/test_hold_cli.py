@@ -38,13 +38,18 @@ def test_one_preload_holds_two_loads(grasp: str, capsys: pytest.CaptureFixture[s
     assert answer["margins"]["wrench 2"]["upper"] == pytest.approx(2.0, rel=3e-3)
 
 
-def test_the_table_names_commands_and_margins(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = run(capsys, "hold", grasp, *UP, *HALF, *QUICK)
+def test_the_table_the_file_and_the_page_of_two_loads(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "hold", grasp, *UP, *HALF, *QUICK, "--save", "hold.json", "--report", "hold.html")
     assert status == 0
     assert "One preload holds 2 loads; its largest command is 0.045" in out
     assert "N·m" in out
     assert "wrench 1 has the least" in out
     assert "--safety 1.5 asks for 1.5" in out
+    assert "Written: hold.json" in out
+    done = ask(capsys, "verify", "hold.json")
+    assert done["ok"]
+    assert {"wrench 1, margin", "wrench 2, margin"} <= {part["name"] for part in done["parts"]}
+    assert "Does it hold “wrench 1”?" in Path("hold.html").read_text("utf-8")
 
 
 def test_safety_multiplies_the_loads(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -59,9 +64,9 @@ def test_safety_multiplies_the_loads(grasp: str, capsys: pytest.CaptureFixture[s
 def test_loads_of_any_size_have_no_margin_in_numbers(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Locked fingers carry what presses the object on them at any size: no command is needed."""
     down = ["--wrench", "0", "-1", "0"]
-    answer = ask(capsys, "hold", grasp, *down, *QUICK)
+    _, out, _ = run(capsys, "hold", grasp, *down, *QUICK, "--save", "hold.json")
+    answer = json.loads(Path("hold.json").read_text())["answer"]
     assert (answer["upper"], answer["margin"], answer["margins"]["wrench"]["unbounded"]) == (0.0, None, True)
-    _, out, _ = run(capsys, "hold", grasp, *down, *QUICK)
     assert "Every actuator may stay locked: 1 load resisted" in out
     assert "any size" in out
 
@@ -85,20 +90,6 @@ def test_commands_have_a_limit(grasp: str, capsys: pytest.CaptureFixture[str]) -
     assert quick["verdict"] == "holds"
     assert quick["upper"] <= 0.08
     assert quick["lower"] == 0.0
-
-
-def test_what_is_saved_is_proved(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = run(capsys, "hold", grasp, *UP, *HALF, "--save", "hold.json", *QUICK)
-    assert (status, "Written: hold.json" in out) == (0, True)
-    done = ask(capsys, "verify", "hold.json")
-    assert done["ok"]
-    assert {"wrench 1, margin", "wrench 2, margin"} <= {part["name"] for part in done["parts"]}
-
-
-def test_a_page_shows_the_loads_under_the_preload(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    status, _, _ = run(capsys, "hold", grasp, *UP, "--no-margin", "--report", "hold.html", *QUICK)
-    assert status == 0
-    assert "Does it hold “wrench”?" in Path("hold.html").read_text("utf-8")
 
 
 def test_no_time_leaves_it_open(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
