@@ -1,18 +1,21 @@
 """How close to the edge of what is possible the prover shows that nothing is.
 
-    python -m benchmarks.prover [--tasks NAME ...] [--seconds 60] [--plants 10000]
+    python -m benchmarks.prover [--tasks NAME ...] [--families NAME ...] [--directions 20 --axes 10]
+        [--seconds 10] [--plants 10000]
 
-Three families make a bundled task impossible: the last object region moved away from the others (m), every
-joint's range cut at its upper end (rad), the last object region turned about its middle (rad). The edge of each
-is sought by bisection with `STARTS` local searches a step; the prover is then asked beyond it, at the margins of
-`MARGINS` from the largest down, until one is not proved within the time: `--seconds` of each of its `--workers`
-processors, whatever else these have to do meanwhile. A margin that is measured from an edge
-that the local searches found too early is in truth smaller, never larger.
+A family makes a task impossible by more and more. Three are the same for every task: the last object region moved away
+from the others (m), every joint's range cut at its upper end (rad), the last object region turned about its middle
+(rad). The others are drawn by a fixed seed: an object region moved along a direction (`move 0` to `move 19`), and one
+turned about an axis through its middle (`turn 0` to `turn 9`). The edge of each is sought by bisection with local
+searches, from the configurations found so far and `STARTS` others a step; the prover is then asked beyond it, at the
+margins of `MARGINS` from the smallest up, until one is proved within the time: `--seconds` of each of its `--workers`
+processors, whatever else these have to do meanwhile. A margin that is measured from an edge that the local searches
+found too early is in truth smaller, never larger.
 
-Beside it, `--plants` boxes around certified configurations of the nine tasks, each put to every search:
-one that is discarded would be a wrong proof. Results: benchmarks/results/prover.json, written after every case;
-a case that is there already is not run again, an edge
-that is there is not sought again.
+Tasks are the bundled ones and the authors' own files, where they are at hand. Beside it, `--plants` boxes around
+certified configurations of the nine bundled tasks, each put to every search: one that is discarded would be a wrong
+proof. Results: benchmarks/results/prover.json, written after every case; a case that is there already is not run
+again, an edge that is there is not sought again. Prints how far each family comes, the worst first.
 """
 
 from __future__ import annotations
@@ -20,12 +23,14 @@ from __future__ import annotations
 import argparse
 import json
 import time
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.tasks import AUTHORS, tasks
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier
@@ -33,46 +38,47 @@ from handfast.synthesis.search.boxes import SearchPart
 from handfast.synthesis.search.prover import Disproof, Prover
 from handfast.synthesis.search.starts import BLOCK, Starts
 from handfast.synthesis.task import Task
-from handfast.synthesis.task_file import load_task
 from handfast.synthesis.task_problem import TaskProblem
 
 RESULTS = Path(__file__).parent / "results" / "prover.json"
-TASKS = ("scalpel-upholding", "teapot-service", "scalpel-incision")
-ALL = (
-    *("scalpel-upholding", "scalpel-handling", "scalpel-incision"),
-    *("teapot-lid-lifting", "teapot-service", "teapot-transportation"),
-    *("guitar-tuning", "guitar-playing", "guitar-holding"),
-)
-STARTS = 2048
-FINE = {"away": 1e-4, "limits": 2e-3, "normals": 5e-3}  # of the edge [m, rad]
-FARTHEST = {"away": 0.4, "limits": 1.5, "normals": np.pi}
-MARGINS = {
-    "away": (0.02, 0.01, 0.005, 0.002, 0.001),
-    "limits": tuple(np.radians((10.0, 5.0, 2.0, 1.0))),
-    "normals": tuple(np.radians((20.0, 10.0, 5.0, 2.0, 1.0))),
-}
+SEED = 29
+STARTS = 512
+KEPT = 32  # configurations from which the search for those of the next amount begins
+LENGTHS, ANGLES = (0.001, 0.002, 0.005, 0.01, 0.02), tuple(np.radians((1.0, 2.0, 5.0, 10.0, 20.0)))  # margins [m, rad]
+FARTHEST = {"away": 0.4, "move": 0.4, "limits": 1.5, "normals": np.pi, "turn": np.pi}
+FINE = {"away": 1e-4, "move": 1e-4, "limits": 2e-3, "normals": 5e-3, "turn": 2e-3}  # of the edge [m, rad]
+
+Change = Callable[[float], Task]
 
 
-def with_region(task: Task, move: Callable[[Array], Array]) -> Task:
-    """The task with the last object region's control points moved."""
-    *others, last = task.contact_pairs
-    assert isinstance(last.object, Bezier)
-    return replace(
-        task, contact_pairs=(*others, replace(last, object=Bezier(move(last.object.points), last.object.flip)))
-    )
+def with_region(task: Task, k: int, move: Callable[[Array], Array]) -> Task:
+    """The task with the control points of an object region moved."""
+    pairs = list(task.contact_pairs)
+    region = pairs[k].object
+    assert isinstance(region, Bezier)
+    pairs[k] = replace(pairs[k], object=Bezier(move(region.points), region.flip))
+    return replace(task, contact_pairs=tuple(pairs))
 
 
-def middle(task: Task, k: int) -> Array:
+def middle(task: Task, k: int, *order: int) -> Array:
+    """Of an object region: the point there, or a derivative."""
     region = task.contact_pairs[k].object
     assert isinstance(region, Bezier)
-    return region.at(0.5, 0.5)
+    return region.at(0.5, 0.5, *order)
 
 
-def away(task: Task, distance: float) -> Task:
-    """The last region moved on the line from the middle of the others through its own."""
-    b = len(task.contact_pairs)
-    line = middle(task, b - 1) - np.mean([middle(task, k) for k in range(b - 1)], axis=0)
-    return with_region(task, lambda points: points + distance * line / np.linalg.norm(line))
+def shift(task: Task, k: int, along: Array, distance: float) -> Task:
+    """Object region k moved along a direction."""
+    return with_region(task, k, lambda points: points + distance * along / np.linalg.norm(along))
+
+
+def turn(task: Task, k: int, axis: Array, angle: float) -> Task:
+    """Object region k turned about an axis through its middle."""
+    from scipy.spatial.transform import Rotation
+
+    center = middle(task, k)
+    R = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
+    return with_region(task, k, lambda points: (points - center) @ R.T + center)
 
 
 def limits(task: Task, angle: float) -> Task:
@@ -84,56 +90,60 @@ def limits(task: Task, angle: float) -> Task:
     return replace(task, hand=replace(task.hand, joints=joints))
 
 
-def normals(task: Task, angle: float) -> Task:
-    """The last region turned about its first parameter's direction at its middle."""
-    from scipy.spatial.transform import Rotation
+def changed(name: str, task: Task, family: str) -> Change:
+    """What a family does to a task by a distance [m] or an angle [rad]; drawn ones follow from name and family."""
+    last = len(task.contact_pairs) - 1
+    match family.split():
+        case ["limits"]:
+            return lambda by: limits(task, by)
+        case ["away"]:
+            line = middle(task, last) - np.mean([middle(task, k) for k in range(last)], axis=0)
+            return lambda by: shift(task, last, line, by)
+        case ["normals"]:
+            return lambda by: turn(task, last, middle(task, last, 1, 0), by)
+        case [kind, number]:
+            rng = np.random.default_rng([SEED, zlib.crc32(f"{name} {kind}".encode()), int(number)])
+            k, along = int(rng.integers(last + 1)), rng.standard_normal(3)
+            move = shift if kind == "move" else turn
+            return lambda by: move(task, k, along, by)
+    raise ValueError(family)
 
-    region = task.contact_pairs[-1].object
-    assert isinstance(region, Bezier)
-    axis, center = region.at(0.5, 0.5, 1, 0), region.at(0.5, 0.5)
-    R = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
-    return with_region(task, lambda points: (points - center) @ R.T + center)
 
-
-FAMILIES = {"away": away, "limits": limits, "normals": normals}
-
-
-def possible(task: Task) -> bool:
-    """Did local searches find a certified configuration?"""
+def known(task: Task, near: Array) -> Array:
+    """(k, n) certified configurations of a task: local searches from those of another one (m, n), then random ones."""
     try:
         starts = Starts(TaskProblem.of(task), 0)
     except InputError:
-        return False
-    return any(starts.run(1) for _ in range(STARTS // BLOCK))
+        return near[:0]
+    rng = np.random.default_rng(SEED)
+    around = [near, *(near + 10.0**-power * rng.standard_normal(near.shape) for power in (3, 2, 1))]
+    found = starts.near(np.concatenate(around), KEPT) if len(near) else []
+    for _ in range(STARTS // BLOCK):
+        found += [] if found else starts.run(KEPT)
+    return np.array([c.x for c in found]).reshape(-1, starts.problem.n)
 
 
-def edge(task: Task, family: str) -> float | None:
+def edge(change: Change, kind: str) -> float | None:
     """The least amount at which local searches find nothing any more; None if they always do."""
-    low, high = 0.0, None
-    step = FARTHEST[family] / 16
-    while high is None:
-        if low + step > FARTHEST[family]:
+    low, high, step = 0.0, FARTHEST[kind], FARTHEST[kind] / 16
+    here = known(change(0.0), np.zeros((0, TaskProblem.of(change(0.0)).n)))
+    while high - low > FINE[kind]:
+        at = low + step if high == FARTHEST[kind] else (low + high) / 2
+        if at > FARTHEST[kind]:
             return None
-        if possible(FAMILIES[family](task, low + step)):
-            low += step
-        else:
-            high = low + step
-    while high - low > FINE[family]:
-        half = (low + high) / 2
-        low, high = (half, high) if possible(FAMILIES[family](task, half)) else (low, half)
-    return high
+        there = known(change(at), here)
+        low, high, here = (at, high, there) if len(there) else (low, at, here)
+    return high if high < FARTHEST[kind] else None
 
 
-def measure(name: str, family: str, at: float | None, seconds: float, cores: int) -> list[dict]:
-    """Rows of a family from its edge on, from the largest margin down to the first that is not proved."""
-    task = load_task(name)
-    base = {"task": name, "contacts": len(task.contact_pairs), "family": family, "edge": at}
+def measure(change: Change, base: dict, at: float | None, seconds: float, cores: int) -> list[dict]:
+    """Rows of a family from its edge on, from the smallest margin up to the first that is proved."""
     if at is None:
         return [base | {"margin": None, "proved": None, "note": "possible as far as tried"}]
     rows = []
-    for margin in MARGINS[family]:
+    for margin in LENGTHS if base["family"].split()[0] in ("away", "move") else ANGLES:
         try:
-            problem = TaskProblem.of(FAMILIES[family](task, at + margin))
+            problem = TaskProblem.of(change(at + margin))
         except InputError as fault:
             rows.append(base | {"margin": margin, "proved": None, "note": str(fault)})
             continue
@@ -153,7 +163,7 @@ def measure(name: str, family: str, at: float | None, seconds: float, cores: int
             | {"nodes": done.nodes, "discarded": done.discarded, "pending": done.pending}
         )
         print(rows[-1], flush=True)
-        if not done.empty:
+        if done.empty:
             break
     return rows
 
@@ -161,10 +171,11 @@ def measure(name: str, family: str, at: float | None, seconds: float, cores: int
 def plants(count: int) -> dict:
     """Boxes of all sizes around certified configurations, put to every set of contacts."""
     tried = lost = 0
-    for number, name in enumerate(ALL):
-        problem = TaskProblem.of(load_task(name))
+    bundled = {name: task for name, task in tasks().items() if " " not in name}
+    for number, (name, task) in enumerate(bundled.items()):
+        problem = TaskProblem.of(task)
         prover, rng = Prover(problem, workers=1), np.random.default_rng(number)
-        starts, wanted = Starts(problem, number), -(-count // len(ALL))
+        starts, wanted = Starts(problem, number), -(-count // len(bundled))
         found: list[Array] = []
         while len(found) < -(-wanted // 4):
             found += [c.x for c in starts.run()]
@@ -183,31 +194,72 @@ def plants(count: int) -> dict:
     return {"boxes": tried, "lost": lost}
 
 
+def report(rows: list[dict]) -> None:
+    """The smallest margin that is proved in each case, the worst first."""
+    cases: dict[tuple[str, str], list[dict]] = {}
+    for row in rows:
+        if row["margin"] is not None:
+            cases.setdefault((row["task"], row["family"]), []).append(row)
+
+    def least(its: list[dict]) -> tuple[float, float]:
+        """Margin, as part of the largest one, and processor time; infinite if none is proved."""
+        proved = [r for r in its if r["proved"]]
+        first = min(proved, key=lambda r: r["margin"], default=None)
+        if first is None:
+            return np.inf, np.inf
+        most = LENGTHS[-1] if first["family"].split()[0] in ("away", "move") else ANGLES[-1]
+        return first["margin"] / most, first["processor_seconds"]
+
+    print("| task | made impossible by | edge | margin proved | boxes | processor time [s] | by |")
+    print("|---|---|---:|---:|---:|---:|---|")
+    for (name, family), its in sorted(cases.items(), key=lambda case: least(case[1]), reverse=True):
+        proved = [r for r in its if r["proved"]]
+        row = min(proved, key=lambda r: r["margin"], default=its[-1])
+        long = family.split()[0] in ("away", "move")
+        edge, margin = (f"{1e3 * x:.4g} mm" if long else f"{np.degrees(x):.4g}°" for x in (row["edge"], row["margin"]))
+        shown = margin if proved else f"not {margin}"
+        told = f"{row.get('nodes', 0):,} | {row.get('processor_seconds', 0.0):.2f} | {row.get('by', '')}"
+        print(f"| {name} | {family} | {edge} | {shown} | {told} |")
+
+
 def main() -> None:
+    known_tasks = tasks()
+    if not AUTHORS.is_dir():
+        print(f"the authors' own tasks are not at hand ({AUTHORS}): bundled ones alone")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tasks", nargs="*", default=list(TASKS))
-    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--tasks", nargs="*", default=list(known_tasks))
+    parser.add_argument("--families", nargs="*", default=["away", "limits", "normals"])
+    parser.add_argument("--directions", type=int, default=20)
+    parser.add_argument("--axes", type=int, default=10)
+    parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--plants", type=int, default=10_000)
+    parser.add_argument("--results", type=Path, default=RESULTS)
     asked = parser.parse_args()
-    kept = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {"edges": {}, "rows": [], "plants": None}
+    path = asked.results
+    kept = json.loads(path.read_text("utf-8")) if path.exists() else {"edges": {}, "rows": [], "plants": None}
 
     def write() -> None:
         kept["settings"] = {"seconds": asked.seconds, "workers": asked.workers, "starts": STARTS}
-        RESULTS.write_text(json.dumps(kept, indent=1) + "\n", "utf-8")
+        path.write_text(json.dumps(kept, indent=1) + "\n", "utf-8")
 
     if asked.plants and (kept["plants"] or {}).get("boxes", 0) < asked.plants:
         kept["plants"] = plants(asked.plants)
         write()
     done = {(r["task"], r["family"]) for r in kept["rows"]}
-    for name in asked.tasks:
-        for family in FAMILIES:
-            if (name, family) not in done:
-                if f"{name} {family}" not in kept["edges"]:
-                    kept["edges"][f"{name} {family}"] = edge(load_task(name), family)
-                at = kept["edges"][f"{name} {family}"]
-                kept["rows"] += measure(name, family, at, asked.seconds, asked.workers)
-                write()
+    drawn = [*(f"move {i}" for i in range(asked.directions)), *(f"turn {i}" for i in range(asked.axes))]
+    for family in [*asked.families, *drawn]:
+        for name in asked.tasks:
+            task = known_tasks[name]
+            if (name, family) in done:
+                continue
+            change, key = changed(name, task, family), f"{name} {family}"
+            if key not in kept["edges"]:
+                kept["edges"][key] = edge(change, family.split()[0])
+            base = {"task": name, "contacts": len(task.contact_pairs), "family": family, "edge": kept["edges"][key]}
+            kept["rows"] += measure(change, base, kept["edges"][key], asked.seconds, asked.workers)
+            write()
+    report(kept["rows"])
 
 
 if __name__ == "__main__":

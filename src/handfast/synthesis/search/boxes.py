@@ -27,9 +27,9 @@ from handfast.synthesis.search.workspace import (
 from handfast.synthesis.task_groups import POSE
 from handfast.synthesis.task_problem import TaskProblem
 
-STEP = 2000  # nodes of one call of a kernel
+STEP, STEP_POSES = 2000, 10_000  # nodes of one call of a kernel; that of the poses learns within one
 RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
-DEEPEST = 4000  # boxes on a kernel's stack
+DEEPEST, DEEPEST_POSES = 4000, 256  # boxes on a kernel's stack; each of poses holds some of its contacts, too
 KEPT = 256  # small boxes of one call, where they are wanted
 
 
@@ -65,6 +65,7 @@ class Boxes:
         concern: those and the ones that are narrowed.
         words: which contacts it is about, for people.
         roots: everything.
+        deepest, step: boxes on the stack, and nodes, of one call.
         kept: small boxes after which a call ends.
     """
 
@@ -73,6 +74,8 @@ class Boxes:
     concern: Indices
     words: str
     roots: tuple[SearchPart, ...]
+    deepest: int = DEEPEST
+    step: int = STEP
     kept: int = 1  # which shows that this search cannot become empty
 
     def explore(self, waiting: Indices, budget: int) -> None:
@@ -83,14 +86,14 @@ class Boxes:
         """(n,) the problem's coordinates in those of the boxes."""
         return x
 
-    def examine(self, part: SearchPart, budget: int = STEP) -> Outcome[SearchPart]:
-        """One call of the kernel on a box: up to `budget` nodes depth first."""
+    def examine(self, part: SearchPart, budget: int | None = None) -> Outcome[SearchPart]:
+        """One call of the kernel on a box: up to `budget` nodes depth first, `step` without one."""
         if part.small:
             return Unfinished(part, 0)
-        block = Block(stack(self.problem.n, DEEPEST, self.kept))
+        block = Block(stack(self.problem.n, self.deepest, self.kept))
         boxes = block.arrays()
         boxes.box[0], boxes.share[0] = part.box, part.share
-        self.explore(block.table, budget)
+        self.explore(block.table, self.step if budget is None else budget)
         count, found, nodes = (int(boxes.counts[place]) for place in (LEFT, SMALL, NODES))
         if count == found == 0:
             return Discarded(nodes=nodes)
@@ -148,6 +151,8 @@ class PoseSpace(Boxes):
     other coordinates is where they can be for poses of the box.
     """
 
+    deepest, step = DEEPEST_POSES, STEP_POSES
+
     def __init__(self, problem: TaskProblem, derivative_bounds: Array) -> None:
         coordinates, b = problem.flat.coordinates, len(problem.task.contact_pairs)
         self.problem = problem
@@ -167,7 +172,7 @@ class PoseSpace(Boxes):
         near = box[at : at + 3].copy()
         self.question = PoseQuestion(each, sizes, derivative_bounds, self.middle, near, len(pose))
         self._task, self._asked = [table(group) for group in problem.flat], table(self.question)
-        self._work = pose_work(problem.flat, DEEPEST)
+        self._work = pose_work(problem.flat, self.question, self.deepest)
         far = float(np.linalg.norm(self.middle)) * (1 + 1e-9)
         box[at : at + 3] += [-far, far]
         box[at + 3 : at + POSE] = [-1.0, 1.0]

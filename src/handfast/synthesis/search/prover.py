@@ -24,12 +24,12 @@ from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.synthesis.search.boxes import KEPT, Boxes, ContactSet, PoseSpace, SearchPart
+from handfast.synthesis.search.boxes import KEPT, STEP, Boxes, ContactSet, PoseSpace, SearchPart
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
 
-FIRST, SLICE = 2, 20  # calls before another search has its turn: at the very beginning, and then
+FIRST, SLICE = 2 * STEP, 20 * STEP  # boxes before another search has its turn: at the very beginning, and then
 LONGER = 4  # turns grow to this fraction of what a search has had so far
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
 POSES = "poses"  # name of the pose-space search
@@ -164,15 +164,15 @@ class Prover:
         with a small box left can no longer become empty and has no more turns; the set of all contacts has some,
         since its small boxes are where configurations may be.
         """
-        for calls in (FIRST, SLICE):
-            for name in [s for s, x in self.searches.items() if x.state.steps < calls]:
+        for boxes in (FIRST, SLICE):
+            for name in [s for s, x in self.searches.items() if x.state.nodes < boxes]:
                 sets = [s for s in self.searches if s != POSES and self._open(s)]
                 farthest = max(sets, key=lambda s: self.searches[s].state.discarded, default=name)
                 for turn in dict.fromkeys((name, farthest)):
-                    yield from self._turn(turn, calls)
+                    yield from self._turn(turn, boxes)
         while any(map(self._open, self._shares)):
             name = min(filter(self._open, self._shares), key=lambda s: self._spent(s) / self._shares[s])
-            yield from self._turn(name, max(SLICE, self.searches[name].state.steps // LONGER))
+            yield from self._turn(name, max(SLICE, self.searches[name].state.nodes // LONGER))
 
     def _spent(self, name: str) -> int:
         """What a search has taken so far: its boxes, those of sets times the contacts, by which they take longer."""
@@ -193,13 +193,14 @@ class Prover:
         parts = ((pairs, MOST), ([POSES] if POSES in self.searches else [], 1 if pairs else MOST), (rest, 1))
         return {name: part / len(group) for group, part in parts for name in group}
 
-    def _turn(self, name: str, steps: int) -> Generator[None, None, None]:
+    def _turn(self, name: str, boxes: int) -> Generator[None, None, None]:
         if name in self.searches and self._open(name):
             self._compile(self.domains[name])
+            end = self.searches[name].state.nodes + boxes
             with closing(iter(self.searches[name])) as search:
-                for done, _ in enumerate(search):
+                for state in search:
                     yield
-                    if done + 1 >= steps or not self._open(name):
+                    if state.nodes >= end or not self._open(name):
                         break
 
     def _compile(self, domain: Boxes) -> None:

@@ -27,6 +27,7 @@ MARGIN = 1e-4  # candidates keep this far inside every bound, so that strictness
 ALIGNED = 8  # random poses of which a start takes the one that violates the pose bounds least
 NUMBERS = 8  # random numbers that place the object once
 AXES = 18  # inequalities that bound the object's axes
+MOST_LEFT = 48  # boxes of a contact's own coordinates that a box of poses hands on to its halves
 DEEPEST_INNER = 400  # boxes on the stack of an inner search, of one contact in a box of poses
 PROVED, USED, UNPROVED = 0, 1, 2  # places in `Found.counts`
 LEFT, SMALL, NODES = 0, 1, 2  # places in `Stack.counts`
@@ -218,6 +219,8 @@ class Polynomials(NamedTuple):
     value: RealMatrices  # (c, 4, 3) in the middle: HAND_POINT, HAND_DIRECTION, OBJECT_POINT, OBJECT_DIRECTION
     slope: RealArrays4  # (c, 4, n, 3) derivatives
     remainder: RealMatrix  # (c, 4)
+    bend: RealArrays4  # (c, k, k, 3) second derivatives of the hand's point by its joints, in the order of the chain
+    rest: Reals  # (c,) what the polynomial of degree two of the hand's point leaves out
     swing: RealMatrix  # (c, 4) [rad] largest angle between a direction in the box and the middle one
     tolerance: Reals  # (c,) [rad] largest angle between the directions of hand and object
 
@@ -237,6 +240,7 @@ class TaylorWork(NamedTuple):
     weights: RealMatrices  # (2, 3, d+1) of the control points for the value and two derivatives, in both parameters
     lower_weights: Reals  # (d+1,) of a lower degree
     largest: Reals  # (10,) bounds of a surface's derivatives over a box
+    arm: Reals  # (3,) from a joint to the hand's point
 
 
 class SetQuestion(NamedTuple):
@@ -256,6 +260,7 @@ class LineWork(NamedTuple):
     line: RealMatrix  # (2, 3)
     slope: RealMatrices  # (2, n, 3) derivatives
     gradient: Reals  # (n,) of the difference of its squared lengths
+    form: RealMatrix  # (n, n) half of the second derivatives of its squared length on the hand
     unit: RealMatrix  # (2, 3) unit vectors along it
     unit_slope: RealMatrices  # (2, n, 3)
     unit_bound: RealMatrix  # (2, 2) remainder, and how far the unit vector strays
@@ -311,6 +316,8 @@ class InnerWork(NamedTuple):
     newton: RealMatrix  # (6, 7) normal equations of a Newton step, and what it is to remove
     guess: RealMatrix  # (s, n) for each box of poses that waits, where contacts may be made
     last: Wholes  # (s,) the contact that discarded a box near by
+    left: RealArrays5  # (s, b, m, u, 2) boxes of each contact's own coordinates that are left for a box of poses
+    many: WholeMatrix  # (s, b) how many these are; 0: no search has come to an end yet, all of them are
 
 
 class PoseWork(NamedTuple):
@@ -332,27 +339,30 @@ def stack(n: int, deepest: int, kept: int) -> Layout[Stack]:
 def set_work(flat: Flat, question: SetQuestion) -> tuple[Layout[Any], ...]:
     """A `SetWork`, one layout a field."""
     n, many = len(flat.coordinates.lower), len(question.contacts) + len(question.cones)
-    line = {"line": (2, 3), "slope": (2, n, 3), "gradient": (n,), "unit": (2, 3), "unit_slope": (2, n, 3)}
-    line |= {"unit_bound": (2, 2), "across": (4, 3), "arcs": (many, 5)}
+    line = {"line": (2, 3), "slope": (2, n, 3), "gradient": (n,), "form": (n, n), "unit": (2, 3)}
+    line |= {"unit_slope": (2, n, 3), "unit_bound": (2, 2), "across": (4, 3), "arcs": (many, 5)}
     terms = {"value": (16, 3), "slope": (16, n)}
     return *_taylor(flat, many), Layout(LineWork, line), Layout(Terms, terms)
 
 
-def pose_work(flat: Flat, deepest: int) -> tuple[Layout[Any], ...]:
+def pose_work(flat: Flat, question: PoseQuestion, deepest: int) -> tuple[Layout[Any], ...]:
     """A `PoseWork` for a stack of so many boxes, one layout a field."""
     n, b = len(flat.coordinates.lower), len(flat.chains.joints)
     turned = {"rotation": (3, 3), "turn": (4, 3), "gradient": (7, n), "step": (n,), "side": (n,)}
     turned |= dict.fromkeys(("point", "direction", "offset"), (3,))
     inner = {"box": (DEEPEST_INNER, n, 2), "newton": (6, 7), "guess": (deepest, n), "last": (deepest,)}
+    own = question.use.shape[1] - question.shared
+    inner |= {"left": (deepest, b, MOST_LEFT, own, 2), "many": (deepest, b)}
     return *_taylor(flat, b), Layout(TurnWork, turned), Layout(InnerWork, inner)
 
 
 def _taylor(flat: Flat, many: int) -> tuple[Layout[Any], ...]:
     n, joints, weights = len(flat.coordinates.lower), flat.chains.kind.shape[1] + 1, _degree(flat) + 1
     polynomials = {"value": (many, 4, 3), "slope": (many, 4, n, 3), "remainder": (many, 4), "swing": (many, 4)}
+    polynomials |= {"bend": (many, joints - 1, joints - 1, 3), "rest": (many,)}
     work: dict[str, tuple[int, ...]] = dict.fromkeys(("link_rotation", "next_rotation", "raw_normal"), (3, 3))
     work |= {"link_position": (3,), "next_position": (3,), "joint_axis": (joints, 3), "joint_point": (joints, 3)}
-    work |= {"object_surface": (9, 3), "hand_surface": (9, 3), "largest": (10,)}
+    work |= {"object_surface": (9, 3), "hand_surface": (9, 3), "largest": (10,), "arm": (3,)}
     work |= {"weights": (2, 3, weights), "lower_weights": (weights,)}
     return (
         Layout(CenteredBox, dict.fromkeys(CenteredBox._fields, (n,))),

@@ -24,26 +24,47 @@ from handfast.synthesis.search.kernel.taylor import (
 
 
 @inner
-def points_meet(use, theta, curve, position, work):
+def points_meet(k, use, theta, curve, position, chains, work):
     """Narrow by: the points coincide. theta, curve: as from `gaps`; position: first coordinate of the object's.
 
-    Returns (False if impossible, remainder of the way between them).
+    Returns (False if impossible, remainder of the way between them, the same without the hand's).
     """
     box, gradient, y, z = work.box, work.turned.gradient, work.turned.point, work.turned.direction
     value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
     stray = spread(slope[OBJECT_POINT], box.half, use) + remainder[OBJECT_POINT]
-    both = remainder[HAND_POINT] + remainder[OBJECT_POINT]
-    error = (both + curve * norm(y) + theta * stray + ROUNDING) * WIDER
-    along = 0.0
+    others = (remainder[OBJECT_POINT] + curve * norm(y) + theta * stray + ROUNDING) * WIDER
+    error = (remainder[HAND_POINT] + others) * WIDER
+    along, way = 0.0, work.turned.offset
     for c in range(3):
         gap = value[HAND_POINT, c] - y[c] - box.middle[position + c]
         along += z[c] * gap
-        if not narrow(gap, gradient[c], -error, error, box, use):
-            return False, error
+        way[:] = 0.0
+        way[c] = 1.0
+        low, high = _bow(k, way, chains, work)
+        if not narrow(gap, gradient[c], max(low - others, -error), min(high + others, error), box, use):
+            return False, error, others
     # along the normal, where the parameters of the region drop out
     for i in use:
         gradient[6, i] = z[0] * gradient[0, i] + z[1] * gradient[1, i] + z[2] * gradient[2, i]
-    return narrow(along, gradient[6], -error * WIDER, error * WIDER, box, use), error
+    low, high = _bow(k, z, chains, work)
+    fits = narrow(along, gradient[6], max(low - others, -error) - PAD, min(high + others, error) + PAD, box, use)
+    return fits, error, others
+
+
+@inner
+def _bow(k, way, chains, work):
+    """Bounds of what the polynomial of degree one of the hand's point leaves out along a vector (3,)."""
+    bend, half, low, high = work.polynomials.bend[0], work.box.half, 0.0, 0.0
+    for i in range(chains.joints[k]):
+        v = chains.coordinate[k, i]
+        for j in range(i, chains.joints[k]):
+            w = chains.coordinate[k, j]
+            value = way[0] * bend[i, j, 0] + way[1] * bend[i, j, 1] + way[2] * bend[i, j, 2]
+            value *= (0.5 if i == j else 1.0) * half[v] * half[w]
+            low += min(value, 0.0) if v == w else -abs(value)
+            high += max(value, 0.0) if v == w else abs(value)
+    rest = work.polynomials.rest[0] * norm(way) * WIDER
+    return low - rest, high + rest
 
 
 @inner
@@ -75,16 +96,17 @@ def directions_meet(tolerance, use, theta, curve, work):
 
 
 @inner
-def not_apart(tolerance, use, position, points, directions, work):
+def not_apart(k, use, position, errors, task, work):
     """Narrow by the rows of the two functions above, multiplied by factors and added up. False if impossible.
 
     The factors are what the rows still are where a Newton step, cut off at the ends of the box, brings them nearest to
     zero together. If they cannot all be zero, their sum is then about the one that shows it best; but whatever the
     factors, the sum is a row. That of a cap's cosine may be positive: its factor is not, and the sum has only an upper
-    end. points, directions: remainders, as both functions return them.
+    end. errors: all three remainders, as both functions return them.
     """
-    box, here, newton = work.box, work.turned, work.inner.newton
+    box, here, newton, tolerance = work.box, work.turned, work.inner.newton, work.polynomials.tolerance[k]
     gradient, step, side = here.gradient, here.step, here.side
+    points, others, directions = errors
     rows = 3 if directions < 0 else _active(tolerance, work)
     _values(tolerance, rows, position, work)
     for i in use:
@@ -111,14 +133,17 @@ def not_apart(tolerance, use, position, points, directions, work):
         else:
             far += left * left
     size = np.sqrt(near + far)
-    if size <= points:
+    if size <= others:
         return True
     for i in use:
         total = 0.0
         for a in range(rows):
             total += newton[a, 6] * gradient[a, i]
         gradient[6, i] = total / size
-    error = (np.sqrt(near) * points + np.sqrt(far) * max(directions, 0.0)) / size
+    for c in range(3):
+        here.offset[c] = newton[c, 6]
+    low, _ = _bow(k, here.offset, task.chains, work)
+    error = (min(np.sqrt(near) * points, np.sqrt(near) * others - low) + np.sqrt(far) * max(directions, 0.0)) / size
     return narrow(value / size, gradient[6], -(error + ROUNDING) * WIDER, np.inf, box, use)
 
 

@@ -66,11 +66,11 @@ def _contact(k, bounds, use, task, question, work):
         center(bounds, use, work.box)
         theta, curve = gaps(k, use, task, question, work)
         tolerance, position = work.polynomials.tolerance[k], task.coordinates.parameter[0] - POSE
-        fits, points = points_meet(use, theta, curve, position, work)
+        fits, points, others = points_meet(k, use, theta, curve, position, task.chains, work)
         if not fits:
             return False
         fits, directions = directions_meet(tolerance, use, theta, curve, work)
-        if not fits or not not_apart(tolerance, use, position, points, directions, work):
+        if not fits or not not_apart(k, use, position, (points, others, directions), task, work):
             return False
         shrunk = cut(bounds, use, work.box)
         if shrunk < 0:
@@ -161,44 +161,81 @@ def _longest(bounds, use, quaternion, work):
 
 
 @inner
-def _possible(k, bounds, guess, use, task, question, work):
+def _possible(k, bounds, guess, place, use, task, question, work):
     """Can contact k be made in a box of poses, as far as an inner search tells? Narrows the box.
 
-    guess (n,): where its own coordinates could be last time, in and out. The shared ones of `use` are split
-    by the search of the poses. Returns (that, the one of them that moves the contact most, how far, boxes examined).
+    guess (n,): where its own coordinates could be last time, in and out; place: of the box on the stack, where the
+    boxes of its own coordinates that are left stand, in and out. The shared ones of `use` are split by the search of
+    the poses. Returns (that, the one of them that moves the contact most, how far, boxes examined).
     """
     own, waiting = use[question.shared :], work.inner.box
+    left, many = work.inner.left[place, k], work.inner.many[place]
     quaternion = task.coordinates.parameter[0] - QUATERNION
-    count, nodes = 0, 0
-    split, sway, here = -1, 0.0, bounds
-    while True:
-        nodes += 1
-        if _contact(k, here, use, task, question, work):
-            if nodes == 1:
-                split, sway = _longest(bounds, use[: question.shared], quaternion, work)
-            worst, stray = _longest(here, own, quaternion, work)
-            if stray <= FINE * sway or nodes > MOST_INNER or count + 2 > waiting.shape[0]:
-                for i in own:
-                    guess[i] = 0.5 * (here[i, 0] + here[i, 1])
-                return True, split, sway, nodes
-            if nodes == 1:
-                if _settle(k, bounds, guess, use, sway, task, question, work):
-                    return True, split, sway, 2
-                for i in use:
-                    waiting[0, i, 0], waiting[0, i, 1] = bounds[i, 0], bounds[i, 1]
-                here = waiting[0]
-            middle = 0.5 * (here[worst, 0] + here[worst, 1])
-            for i in use:
-                waiting[count + 1, i, 0], waiting[count + 1, i, 1] = here[i, 0], here[i, 1]
-            # the half with the guess first
-            upper = 1 if guess[worst] > middle else 0
-            waiting[count + upper, worst, 1] = middle
-            waiting[count + 1 - upper, worst, 0] = middle
-            count += 2
-        if count == 0:
-            return False, split, sway, nodes
+    if not _contact(k, bounds, use, task, question, work):
+        return False, -1, 0.0, 1
+    split, sway = _longest(bounds, use[: question.shared], quaternion, work)
+    worst, stray = _longest(bounds, own, quaternion, work)
+    if stray <= FINE * sway:
+        for i in own:
+            guess[i] = 0.5 * (bounds[i, 0] + bounds[i, 1])
+        return True, split, sway, 1
+    if _settle(k, bounds, guess, use, sway, task, question, work):
+        return True, split, sway, 2
+    nodes, count = 2, _begin(bounds, left, many[k], use, question.shared, waiting)
+    while count > 0:
         count -= 1
+        nodes += 1
         here = waiting[count]
+        if not _contact(k, here, use, task, question, work):
+            continue
+        worst, stray = _longest(here, own, quaternion, work)
+        if stray <= FINE * sway or nodes > MOST_INNER or count + 3 > waiting.shape[0]:
+            for i in own:
+                guess[i] = 0.5 * (here[i, 0] + here[i, 1])
+            if count < left.shape[0]:  # all others hold none: so do they for the halves of this box
+                many[k] = count + 1
+                for m in range(count + 1):
+                    for o in range(own.shape[0]):
+                        left[m, o, 0], left[m, o, 1] = waiting[m, own[o], 0], waiting[m, own[o], 1]
+            return True, split, sway, nodes
+        middle = 0.5 * (here[worst, 0] + here[worst, 1])
+        for i in use:
+            waiting[count + 1, i, 0], waiting[count + 1, i, 1] = here[i, 0], here[i, 1]
+        # the half with the guess first
+        upper = 1 if guess[worst] > middle else 0
+        waiting[count + upper, worst, 1] = middle
+        waiting[count + 1 - upper, worst, 0] = middle
+        count += 2
+    return False, split, sway, nodes
+
+
+@inner
+def _begin(bounds, left, many, use, shared, waiting):
+    """The boxes with which an inner search begins, into `waiting`: those left, cut to `bounds`; their number."""
+    count = 0
+    for m in range(max(many, 1)):
+        for i in use:
+            waiting[count, i, 0], waiting[count, i, 1] = bounds[i, 0], bounds[i, 1]
+        fits = True
+        for o in range(use.shape[0] - shared if many > 0 else 0):
+            i = use[shared + o]
+            low, high = max(bounds[i, 0], left[m, o, 0]), min(bounds[i, 1], left[m, o, 1])
+            waiting[count, i, 0], waiting[count, i, 1] = low, high
+            fits = fits and low <= high
+        count += fits
+    return count
+
+
+@inner
+def _hand_on(place, question, work):
+    """What is left of the contacts' own coordinates for a box of poses, to the one behind it."""
+    left, many = work.left, work.many
+    for k in range(many.shape[1]):
+        many[place + 1, k] = many[place, k]
+        for m in range(many[place, k]):
+            for o in range(question.sizes[k] - question.shared):
+                for end in range(2):
+                    left[place + 1, k, m, o, end] = left[place, k, m, o, end]
 
 
 @inner
@@ -238,7 +275,7 @@ def _examine(box, count, task, question, work):
     for a in range(task.chains.joints.shape[0]):
         k = last[count] if a == 0 else (a - 1 if a <= last[count] else a)
         use = question.use[k, : question.sizes[k]]
-        fits, way, sway, spent = _possible(k, box, guess, use, task, question, work)
+        fits, way, sway, spent = _possible(k, box, guess, count, use, task, question, work)
         nodes += spent
         if not fits:
             if count > 0:  # the next box is a near one
@@ -265,6 +302,7 @@ def explore_poses(
     for i in range(n):
         guess[0, i] = 0.5 * (stack.box[0, i, 0] + stack.box[0, i, 1])
     last[:] = 0
+    inner_work.many[0] = 0
     pose = question.use[0, : question.shared]
     count, nodes, small, again = 1, 0, 0, False
     while count > 0 and nodes < budget and count + 2 < stack.share.shape[0] and small < stack.small_share.shape[0]:
@@ -290,6 +328,7 @@ def explore_poses(
         for i in range(n):
             guess[count + 1, i] = guess[count, i]
         last[count + 1] = last[count]
+        _hand_on(count, question, inner_work)
         count += 2
     stack.counts[LEFT], stack.counts[SMALL], stack.counts[NODES] = count, small, nodes
     return 0

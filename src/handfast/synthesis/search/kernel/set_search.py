@@ -65,11 +65,12 @@ TURN = 0.12  # units of length that one of a direction counts for when a coordin
 
 
 @inner
-def _length(a, b, use, box, polynomials, line):
+def _length(a, b, question, task, work):
     """Narrow by the distance of contacts a and b. False if impossible.
 
     Then remainders of the lines on hand and object, and how far these stray.
     """
+    use, box, polynomials, line = question.use, work.box, work.polynomials, work.line
     value, slope, remainder = polynomials.value, polynomials.slope, polynomials.remainder
     d, e, P, Q, g = line.line[0], line.line[1], line.slope[0], line.slope[1], line.gradient
     for i in use:
@@ -86,18 +87,70 @@ def _length(a, b, use, box, polynomials, line):
     for i in use:
         g[i] = 2 * (d[0] * P[i, 0] + d[1] * P[i, 1] + d[2] * P[i, 2])
         g[i] -= 2 * (e[0] * Q[i, 0] + e[1] * Q[i, 1] + e[2] * Q[i, 2])
-    pad = PAD * (d_size * d_size + e_size * e_size)
-    least = -2 * d_size * d_error - 2 * e_size * e_error - e_stray * e_stray - pad
-    most = 2 * d_size * d_error + d_stray * d_stray + 2 * e_size * e_error + pad
-    fits = narrow(d_size * d_size - e_size * e_size, g, least * WIDER, most * WIDER, box, use)
+    low, high = _bend(a, b, d_error, d_stray, question, task, work)
+    pad = PAD * (d_size * d_size + e_size * e_size + abs(low) + abs(high))
+    least = low - (2 * e_size * e_error + e_stray * e_stray) * WIDER - pad
+    most = high + 2 * e_size * e_error * WIDER + pad
+    fits = narrow(d_size * d_size - e_size * e_size, g, least, most, box, use)
     return fits, d_error, e_error, d_stray, e_stray
 
 
 @inner
-def _line(a, b, use, box, polynomials, line, terms):
+def _bend(a, b, error, stray, question, task, work):
+    """Bounds of what the polynomial of degree one of the squared length of the line leaves out, on the hand.
+
+    With d its vector, that is 2 d . d'' + |d'|^2 and what second derivatives leave out. Both quadratic forms are
+    bounded together, and apart, since |d'|^2 is never negative. error, stray: of the vector, as in `_length`.
+    """
+    use, polynomials, form, half = question.use, work.polynomials, work.line.form, work.box.half
+    d, P, chains = work.line.line[0], work.line.slope[0], task.chains
+    size = norm(d)
+    rest = 2 * size * (polynomials.rest[a] + polynomials.rest[b]) * WIDER
+    for i in use:
+        for j in use:
+            form[i, j] = 0.0
+    for end in range(2):
+        row, sign = (a, 1.0) if end == 0 else (b, -1.0)
+        k = question.contacts[row]
+        if k == chains.joints.shape[0]:  # the object's origin
+            continue
+        for i in range(chains.joints[k]):
+            v = chains.coordinate[k, i]
+            for j in range(i, chains.joints[k]):
+                w, bend = chains.coordinate[k, j], polynomials.bend[row, i, j]
+                both = sign * (d[0] * bend[0] + d[1] * bend[1] + d[2] * bend[2])
+                form[v, w] += both
+                if i < j:
+                    form[w, v] += both
+    low, high = _ends(form, half, use)
+    far = 2 * size * error * WIDER
+    least, most = max(low - rest, -far), min(high + rest, far) + stray * stray * WIDER
+    for i in use:
+        for j in use:
+            form[i, j] += P[i, 0] * P[j, 0] + P[i, 1] * P[j, 1] + P[i, 2] * P[j, 2]
+    low, high = _ends(form, half, use)
+    rest += (2 * (stray - error) * error + error * error) * WIDER
+    return max(least, low - rest), min(most, high + rest)
+
+
+@inner
+def _ends(form, half, use):
+    """Bounds of a quadratic form, symmetric (n, n), over a box about 0."""
+    low, high = 0.0, 0.0
+    for i in use:
+        for j in use:
+            both = form[i, j] * half[i] * half[j]
+            low += min(both, 0.0) if i == j else -abs(both)
+            high += max(both, 0.0) if i == j else abs(both)
+    return low, high
+
+
+@inner
+def _line(a, b, question, task, work):
     """Narrow by the line between contacts a and b: its length, and the spins about it. False if impossible."""
+    use, box, polynomials, line, terms = question.use, work.box, work.polynomials, work.line, work.terms
     tolerance, swing, arcs, bound = polynomials.tolerance, polynomials.swing, line.arcs, line.unit_bound
-    fits, d_error, e_error, d_stray, e_stray = _length(a, b, use, box, polynomials, line)
+    fits, d_error, e_error, d_stray, e_stray = _length(a, b, question, task, work)
     if not fits:
         return False
     stray = swept(norm(line.line[0]), d_stray) + swept(norm(line.line[1]), e_stray)
@@ -175,7 +228,7 @@ def _pair(i, j, use, box, polynomials, terms):
 def _narrowed(bounds, task, question, work):
     """Narrow a box (n, 2), `bounds`, for the contacts of a set. False if nothing is left."""
     contacts, use = question.contacts, question.use
-    box, polynomials, line, terms = work.box, work.polynomials, work.line, work.terms
+    box, polynomials, terms = work.box, work.polynomials, work.terms
     count = contacts.shape[0]
     for _ in range(LOOKS):
         center(bounds, use, box)
@@ -186,7 +239,7 @@ def _narrowed(bounds, task, question, work):
                 polynomials.swing[a, which] = swept(1.0, stray)
         for a in range(count):
             for b in range(a):
-                if not _line(a, b, use, box, polynomials, line, terms):
+                if not _line(a, b, question, task, work):
                     return False
         for i in range(polynomials.tolerance.shape[0]):
             for j in range(min(i, count)):

@@ -72,7 +72,7 @@ def element(k, row, task, derivative_bounds, whole):
     if k == task.chains.joints.shape[0]:
         value, remainder = polynomials.value[row], polynomials.remainder[row]
         value[:, :] = 0.0
-        remainder[:] = ROUNDING
+        remainder[:] = polynomials.rest[row] = ROUNDING
         for i in range(3):
             v = task.coordinates.parameter[0] - POSE + i
             value[HAND_POINT, i], slope[HAND_POINT, v, i] = box.middle[v], 1.0
@@ -121,44 +121,67 @@ def _second(largest, first, half_s, half_t):
 def _on_hand(k, row, in_link, half, chains, polynomials, work):
     """The hand's point and direction of contact k; in_link: as from `_in_link`, half (n,): widths of the box.
 
-    From the tip to the palm: how far the point can be from each joint's axis bounds the second derivatives of its path.
+    From the tip to the palm: how far the point can be from each joint's axis bounds the derivatives of its path. Its
+    second derivatives in the middle go into `bend`. A turn by q about an axis K takes w + v, with v of order one and
+    more, to w + v + q K (w + v) + q^2 / 2 K^2 (w + v) and at most q^3 / 6 |K (w + v)|; of these terms those up to order
+    two are in slopes and bends, the others in `rest`.
     """
     value, slope, remainder = polynomials.value[row], polynomials.slope[row], polynomials.remainder[row]
     slide, tilt, curve, bow = in_link
-    point, turned, before = 0.0, 0.0, 0.0
-    strayed = slide  # how far the point strays as seen from the joint at hand
-    for i in range(chains.joints[k]):
-        if chains.kind[k, i] != PRISMATIC:
-            before += abs(chains.ratio[k, i]) * half[chains.coordinate[k, i]]
-    for back in range(chains.joints[k]):
-        step = chains.joints[k] - 1 - back
+    bend, steps = polynomials.bend[row], chains.joints[k]
+    turned, strayed = 0.0, slide  # how far the point strays as seen from the joint at hand
+    left, rest = curve, curve  # what the polynomials of degree one and two of that leave out
+    for back in range(steps):
+        step = steps - 1 - back
         v, ratio = chains.coordinate[k, step], chains.ratio[k, step]
         reach = abs(ratio) * half[v]
-        axis = work.joint_axis[step]
+        axis, path = work.joint_axis[step], bend[step, step]
         if chains.kind[k, step] == PRISMATIC:
             for c in range(3):
                 slope[HAND_POINT, v, c] += ratio * axis[c]
-            point += before * reach
+                path[c] = ratio * axis[c]
             strayed += reach
-            continue
-        before -= reach  # turns of the joints before this one
-        a0, a1, a2 = axis[0], axis[1], axis[2]
-        spot = work.joint_point[step]
-        l0, l1, l2 = value[HAND_POINT, 0] - spot[0], value[HAND_POINT, 1] - spot[1], value[HAND_POINT, 2] - spot[2]
-        c0, c1, c2 = a1 * l2 - a2 * l1, a2 * l0 - a0 * l2, a0 * l1 - a1 * l0
-        slope[HAND_POINT, v, 0] += ratio * c0
-        slope[HAND_POINT, v, 1] += ratio * c1
-        slope[HAND_POINT, v, 2] += ratio * c2
-        d0, d1, d2 = value[HAND_DIRECTION, 0], value[HAND_DIRECTION, 1], value[HAND_DIRECTION, 2]
-        slope[HAND_DIRECTION, v, 0] += ratio * (a1 * d2 - a2 * d1)
-        slope[HAND_DIRECTION, v, 1] += ratio * (a2 * d0 - a0 * d2)
-        slope[HAND_DIRECTION, v, 2] += ratio * (a0 * d1 - a1 * d0)
-        away = np.sqrt(c0 * c0 + c1 * c1 + c2 * c2) + strayed
-        point += away * reach * (0.5 * reach + max(before, 0.0))
-        turned += reach
-        strayed += away * reach
-    remainder[HAND_POINT] = (point + turned * slide + curve + ROUNDING * (1.0 + turned)) * WIDER
-    remainder[HAND_DIRECTION] = (0.5 * turned * turned + turned * tilt + bow + ROUNDING * (1.0 + turned)) * WIDER
+        else:
+            spot, d = work.joint_point[step], value[HAND_DIRECTION]
+            for c in range(3):
+                work.arm[c] = value[HAND_POINT, c] - spot[c]
+            across(axis, work.arm, ratio, path)
+            for c in range(3):
+                slope[HAND_POINT, v, c] += path[c]
+            slope[HAND_DIRECTION, v, 0] += ratio * (axis[1] * d[2] - axis[2] * d[1])
+            slope[HAND_DIRECTION, v, 1] += ratio * (axis[2] * d[0] - axis[0] * d[2])
+            slope[HAND_DIRECTION, v, 2] += ratio * (axis[0] * d[1] - axis[1] * d[0])
+            away = norm(path) / max(abs(ratio), 1e-300) + strayed
+            rest += reach * (slide + left) + 0.5 * reach * reach * (strayed + away * reach / 3)
+            left += reach * (strayed + 0.5 * away * reach)
+            turned += reach
+            strayed += away * reach
+        for before in range(step):
+            if chains.kind[k, before] == PRISMATIC:
+                for c in range(3):
+                    bend[before, step, c] = 0.0
+            else:
+                across(work.joint_axis[before], path, chains.ratio[k, before], bend[before, step])
+    for step in range(steps):
+        if chains.kind[k, step] == PRISMATIC:
+            for c in range(3):
+                bend[step, step, c] = 0.0
+        else:
+            for c in range(3):
+                work.arm[c] = bend[step, step, c]
+            across(work.joint_axis[step], work.arm, chains.ratio[k, step], bend[step, step])
+    extra = ROUNDING * (1.0 + turned)
+    polynomials.rest[row] = (rest + extra * (1.0 + turned)) * WIDER
+    remainder[HAND_POINT] = (left + extra) * WIDER
+    remainder[HAND_DIRECTION] = (0.5 * turned * turned + turned * tilt + bow + extra) * WIDER
+
+
+@inner
+def across(axis, arm, ratio, out):
+    """ratio axis x arm into `out` (3,)."""
+    out[0] = ratio * (axis[1] * arm[2] - axis[2] * arm[1])
+    out[1] = ratio * (axis[2] * arm[0] - axis[0] * arm[2])
+    out[2] = ratio * (axis[0] * arm[1] - axis[1] * arm[0])
 
 
 @inner
