@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
@@ -171,13 +172,23 @@ def test_operations_on_balls_are_rigorous(a: float, ra: float, b: float, rb: flo
 
 
 def polynomials(k: int, x: np.ndarray, half: np.ndarray, problem: TaskProblem, bounds: np.ndarray) -> tuple:
-    """Value (4, 3), derivatives (4, n, 3) and remainders (4,) of contact k about x."""
+    """Value (4, 3), derivatives (4, n, 3) and remainders (4,) of contact k about x; of the hand's point also `bend` and
+    `rest`."""
     question = SetQuestion(np.array([k]), np.arange(problem.n), bounds, np.zeros((0, 5)))
     work = SetWork(*(Block(x).arrays() for x in set_work(problem.flat, question)))
     work.box.middle[:], work.box.half[:] = x, half
     _element(k, problem.flat, bounds, work)
     out = work.polynomials
-    return out.value[0].copy(), out.slope[0].copy(), out.remainder[0].copy()
+    return out.value[0].copy(), out.slope[0].copy(), out.remainder[0].copy(), out.bend[0].copy(), float(out.rest[0])
+
+
+def bow(k: int, d: np.ndarray, bend: np.ndarray, problem: TaskProblem) -> np.ndarray:
+    """(3,) what the second derivatives of a hand's point add d away from where they were taken."""
+    chains, out = problem.flat.chains, np.zeros(3)
+    for i, j in combinations_with_replacement(range(chains.joints[k]), 2):
+        by = d[chains.coordinate[k, i]] * d[chains.coordinate[k, j]]
+        out += bend[i, j] * by * (0.5 if i == j else 1.0)
+    return out
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -185,20 +196,26 @@ def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
     problem, rng = TaskProblem.of(everything(seed).task), np.random.default_rng(seed)
     flat, n, b = problem.flat, problem.n, len(problem.task.contact_pairs)
     bounds = next(iter(Prover(problem, workers=1).domains.values())).question.derivative_bounds
-    worst = 0.0
+    worst = worst_bent = 0.0
     for size in (0.5, 0.1, 0.01):
         lower, upper = np.maximum(flat.coordinates.lower, -1), np.minimum(flat.coordinates.upper, 1)
         h = size * rng.random(n) * 0.5 * (upper - lower)
         x = rng.uniform(lower + h, upper - h)
         for k in range(b + 1):  # the last one is the object's origin
-            value, slope, remainder = polynomials(k, x, h, problem, bounds)
+            value, slope, remainder, bend, rest = polynomials(k, x, h, problem, bounds)
             for _ in range(30):
                 d = h * rng.choice([-1, 1, *rng.uniform(-1, 1, 2)], n)
-                there, _, _ = polynomials(k, x + d, np.zeros(n), problem, bounds)
-                gap = np.linalg.norm(there - value - np.einsum("i,cij->cj", d, slope), axis=1)
+                there, *_ = polynomials(k, x + d, np.zeros(n), problem, bounds)
+                missed = there - value - np.einsum("i,cij->cj", d, slope)
+                gap = np.linalg.norm(missed, axis=1)
                 assert (gap <= remainder).all()
                 worst = max(worst, float((gap / remainder).max()))
+                if k < b:
+                    bent = float(np.linalg.norm(missed[0] - bow(k, d, bend, problem)))
+                    assert bent <= rest
+                    worst_bent = max(worst_bent, bent / rest)
     assert worst > 0.2  # the bounds are not idle
+    assert worst_bent > 0.1
 
 
 def certified(problem: TaskProblem, x: np.ndarray, lower: np.ndarray | None = None, upper: np.ndarray | None = None):
