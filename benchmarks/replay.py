@@ -79,7 +79,6 @@ def parts(certificate: Certificate) -> dict[str, float]:
 def anew(certificate: Certificate) -> checker.Checked:
     """Checked with nothing kept of the grasp."""
     equations._made.cache_clear()
-    equations._exact_motion.cache_clear()
     certificate.question.grasp.__dict__.pop("exact_motion", None)
     return checker.verify(certificate)
 

@@ -149,4 +149,4 @@ def test_what_pushes_the_scalar_is_the_bound_at_its_first_end_alone():
     c = Certificate(q, (1.0, 2.0), root - 1, *[root] * 4, np.array([0, 3]), kind, index, none, none, np.ones(3))
     found = checked_rows(c, np.zeros((1, q.grasp.m + q.actuators, 3), np.int64), slice(0, 1))
     assert found.first.tolist() == [True, False, False]
-    assert found.right.tolist() == [1.0, 0.0, -2.0]
+    assert found.right[found.which].tolist() == [1.0, 0.0, -2.0]

@@ -409,13 +409,12 @@ def test_the_equations_have_given_torques_exactly() -> None:
     assert side.exact == [*rationals(side.h[:6]), *exact]
     some = LeafRows(*(np.array([x]) for x in (int(Row.ENERGY), 0, 0, 0, 0)), np.array([[1.0, 0.0]]))
     value, _ = row_values(asked, None, some)
-    row, factor = equations.exact.row(value[0])
-    q = equations.columns.q.start
-    assert [fmpq(row[q + j], factor) for j in range(2)] == exact
+    none, q = np.zeros(0, np.int64), equations.columns.q.start
+    assert equations.exact_rows(value, none, q + np.arange(2)) == [exact]
     least = read_question({"grasp": g, "goal": "smallest preload", "wrench": [0.0] * 6, "direction": [1.0] * 6}, "")
     equations = equations_of(least)
-    rows = [equations.exact.E[6 + j] for j in range(2)]
-    assert [fmpq(-row[equations.columns.scalar.start], factor) for row, factor in rows] == exact
+    at = equations.columns.scalar.start
+    assert equations.exact_rows(value[:0], np.array([6, 7]), np.array([at])) == [[-x] for x in exact]
     assert RightSide.of(least, (0.0, 1.0), len(equations.E)).exact[6:] == [0, 0]
 
 

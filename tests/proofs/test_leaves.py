@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flint import fmpq_mat
 
 from handfast.proofs.cases import CLOSED, HALF, LOCKED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
 from handfast.proofs.equations import RightSide, equations_of
+from handfast.proofs.fields import Mask
 from handfast.proofs.kinds import Row
-from handfast.proofs.leaves import CitedRows, LeafSystems, _compact, _inverse, _pivots
+from handfast.proofs.leaves import CitedRows, LeafSystems, _compact, _inverse, _pivots, exact_margin
 from handfast.proofs.question import LARGEST
 from handfast.proofs.rows import LeafRows, row_values, zeros
 from tests.support.proof_states import contact, pinch, question, unit
@@ -60,10 +62,23 @@ def test_multipliers_that_are_taken_for_0_count_for_nothing() -> None:
     assert "is not proved" in verify(forged).reason
 
 
-def systems(seed: int, family: str = "any") -> LeafSystems:
+def rank(found: LeafSystems, leaf: int, block: Mask) -> int:
+    """Exactly, of the rows that a leaf uses in some unknowns, beside efforts that are put in."""
+    own = np.arange(found.rows.start[leaf], found.rows.start[leaf + 1])
+    own = found.which[own[found.used[own]]]
+    solved, at = found.equations.solved
+    columns, equalities = found.alive[leaf] & block, found.used_E[leaf].copy()
+    if block[at].all():
+        columns[at], equalities[solved] = True, True
+    rows = found.equations.exact_rows(found.rows.value[own], np.flatnonzero(equalities), np.flatnonzero(columns))
+    return (fmpq_mat(rows).rref()[1] if rows and rows[0] else 0) - block[at].all() * len(solved)
+
+
+def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems:
     """Leaves with any rows about one to three of four contacts, in which the others are open, or not.
 
     family: "planar" is in the plane of x and y, with rows about d_n and c_n alone; two fingers of "soft" are so.
+    either: may multipliers have any sign?
     """
     planar = family == "planar"
     rng, flat = np.random.default_rng(seed), np.array([1.0, 1.0, 1.0 - planar])
@@ -94,9 +109,12 @@ def systems(seed: int, family: str = "any") -> LeafSystems:
     value, right = row_values(q, (1.0, 2.0), LeafRows(kind, index, a, b, leaf, np.zeros((0, 5))))
     start = np.append(0, np.cumsum(np.bincount(leaf, minlength=len(cases))))
     none, y = np.zeros(len(kind), dtype=bool), rng.uniform(0.1, 1.0, len(kind))
+    once, every = np.arange(len(kind)), none | either
     equations = equations_of(q)
     side = RightSide.of(q, (1.0, 2.0), len(equations.E))
-    return LeafSystems(equations, side, CitedRows(value, right, none, y, start, zeros(q, cases), none, none), np.inf)
+    return LeafSystems(
+        equations, side, CitedRows(value, right, once, every, y, start, zeros(q, cases), none, none), np.inf
+    )
 
 
 @pytest.mark.parametrize("family", ["any", "planar", "soft"])
@@ -106,10 +124,29 @@ def test_ranks_that_are_known_without_elimination_are_none_too_low(seed, family)
     leaves = np.flatnonzero(found.alive.any(axis=1))
     most = found._most_ranks(leaves)
     motions = np.arange(found.equations.columns.n) < found.equations.columns.motions
-    exact = np.array([[found._rank(k, block) for block in (motions, ~motions)] for k in leaves])
+    exact = np.array([[rank(found, k, block) for block in (motions, ~motions)] for k in leaves])
     assert (exact <= most).all()
     alive = np.column_stack([(found.alive[leaves] & block).sum(axis=1) for block in (motions, ~motions)])
     assert ((exact == most) & (most < alive)).any(axis=0).all() or family == "planar"
+
+
+@pytest.mark.parametrize("family", ["any", "planar", "soft"])
+def test_what_floats_prove_of_rows_by_chance_rational_numbers_prove(family):
+    """Multipliers of any sign and size: a leaf is proved only where some of them cancel every unknown exactly."""
+    count = 0
+    for seed in range(8):
+        found = systems(seed, family, either=True)
+        with np.errstate(all="ignore"):
+            margins, _ = found.proved(quick=True)
+        shown = np.flatnonzero(margins > 0)
+        found._choose(shown, 1e-9)
+        for leaf in shown:
+            margin, cap = exact_margin(found, leaf)
+            assert np.isfinite(margin)  # its sign is that of the row which is left over
+            assert cap == np.inf
+        assert len(shown) < np.count_nonzero(found.alive.any(axis=1)) / 2
+        count += len(shown)
+    assert count > 5
 
 
 def test_efforts_are_put_in_from_the_balance_of_their_joint():

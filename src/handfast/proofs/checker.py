@@ -16,7 +16,7 @@ from handfast.proofs.cases import BadCertificate, leaf_cases
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
-from handfast.proofs.leaves import CitedRows, Late, in_time, proved
+from handfast.proofs.leaves import CitedRows, Late, LeafSystems, in_time
 from handfast.proofs.rows import Columns, LeafRows, Row, zeros
 from handfast.proofs.tolerance import LEAST, TOO_SMALL
 
@@ -70,7 +70,8 @@ def verify(certificate: Certificate, until: float = np.inf, *, quick: bool = Fal
             for begin in range(0, leaves, SIDE):
                 some = slice(begin, min(begin + SIDE, leaves))
                 in_time(until)
-                margins[some], caps[some] = proved(equations, right, checked_rows(c, cases, some), until, quick)
+                systems = LeafSystems(equations, right, checked_rows(c, cases, some), until)
+                margins[some], caps[some] = systems.proved(quick)
                 if quick and not (margins[some] > 0).all():
                     break
     except BadCertificate as fault:
@@ -106,11 +107,13 @@ def checked_rows(c: Certificate, cases: Integers, leaves: slice) -> CitedRows:
     refuse(~rows.known(q, some), "no such kind, contact, actuator, column or reference")
     refuse(~(np.isfinite(multiplier) & (multiplier >= 0)), "the multiplier is negative or not finite")
     refuse(~rows.legal(q, c.scalar, some, cases), "does not hold in this case")
-    value, right = rows.row_values(q, c.scalar, some)
+    once, which = rows.different(some)
+    value, right = rows.row_values(q, c.scalar, once)
     at = Columns.of(q)
     return CitedRows(
         value=value,
         right=right,
+        which=which,
         either=rows.equalities(q, some, cases),
         y=multiplier.astype(np.float64),
         start=start,

@@ -7,13 +7,12 @@ stiffness], turning of soft fingers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from flint import fmpq, fmpz, fmpz_mat
+from flint import fmpq, fmpq_mat
 
 from handfast.proofs.fields import Array, Integers, Mask, rationals
 from handfast.proofs.grasp import GraspData
@@ -22,8 +21,6 @@ from handfast.proofs.rows import UNIT, Columns
 from handfast.proofs.tolerance import EPS, WORK, load_scale
 
 ROUNDED = 64 * UNIT  # relative error of an entry of G and J, of its sum of absolute values
-
-Sparse = dict[int, fmpz]  # an unknown's number, its coefficient
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +86,12 @@ class Equations:
         return np.r_[: 3 * m, len(self.Z) - s : len(self.Z)]
 
     @cached_property
+    def touching(self) -> Integers:
+        """(3m + s,) unknowns that are forces of contacts, as `of_contacts`: then torsions of soft fingers."""
+        at = self.columns
+        return np.r_[at.c.start : at.c.stop, at.twist.start : at.twist.stop]
+
+    @cached_property
     def reached(self) -> Mask:
         """(n,) bool: unknowns that are bounded where motions are: these, and forces of contacts."""
         at, out = self.columns, np.zeros(self.columns.n, dtype=bool)
@@ -136,9 +139,30 @@ class Equations:
         return np.asarray(own * (1 + 1e-9))
 
     @cached_property
-    def exact(self) -> ExactRows:
-        """The same in whole numbers."""
-        return ExactRows(self)
+    def _exact(self) -> tuple[list[list[fmpq]], list[list[fmpq]]]:
+        """E and Z as rational numbers."""
+        at, g = self.columns, self.grasp
+        E, Z = ([rationals(row) for row in A] for A in (self.E, self.Z))
+        turning = len(Z) - len(g.soft)
+        Z[turning - 1][at.q] = self.given
+        of_contacts = zip([*range(3 * g.m), *range(turning, len(Z))], g.exact_motion, strict=True)
+        for place, (k, motion) in zip(self.touching, of_contacts, strict=True):
+            Z[k][: 6 + g.l] = motion
+            for row, x in zip(E, [*motion[:6], *(-y for y in motion[6:])], strict=False):
+                row[place] = x
+        if self.E[6 : 6 + len(self.given), at.scalar].any():
+            for row, x in zip(E[6:], self.given, strict=False):
+                row[at.scalar.start] = -x
+        return E, Z
+
+    def exact_rows(self, values: Array, equalities: Integers, columns: Integers) -> list[list[fmpq]]:
+        """(k + k', c) rows of `row_values` (k, n+3m+a+1+s), then some of E, over some of x alone, exactly."""
+        (E, Z), n, out = self._exact, self.columns.n, [rationals(row) for row in values[:, columns]]
+        moved = np.flatnonzero(values[:, n:].any(axis=0))
+        if len(moved) and len(columns):
+            motions = fmpq_mat([[Z[k][j] for j in columns] for k in moved])
+            out = (fmpq_mat(out) + fmpq_mat([rationals(row) for row in values[:, n + moved]]) * motions).tolist()
+        return out + [[E[k][j] for j in columns] for k in equalities]
 
 
 def power_near(x: Array) -> Array:
@@ -270,85 +294,3 @@ class RightSide:
         first, last = abs(self.ends[0]), max(abs(x) for x in self.ends)
         end = np.where(pushes >= grows, first, last)
         return np.multiply(grows, end, out=np.zeros_like(grows), where=grows > 0) * (1 + 1e-9)
-
-
-class ExactRows:
-    """E and Z as rows of whole numbers, each times a power of two; and ranks of blocks of rows."""
-
-    def __init__(self, equations: Equations) -> None:
-        at, g = equations.columns, equations.grasp
-        self.n = at.n
-        motion, unit = _exact_motion(g)
-        E, Z = _whole_rows(equations.E), _whole_rows(equations.Z)
-        contacts = 3 * g.m
-        turning = len(Z) - len(g.soft)
-        Z[turning - 1] = _whole({j: x for j, x in enumerate(equations.given, start=at.q.start) if x != 0})
-        for row, exact in zip([*range(contacts), *range(turning, len(Z))], motion, strict=True):
-            Z[row] = {i: x for i, x in enumerate(exact) if x != 0}, unit
-        common = max(factor for _, factor in Z) if Z else 1
-        self.Z = [{i: x * (common // factor) for i, x in row.items()} for row, factor in Z]
-        self.unit = common
-        places = [*range(at.c.start, at.c.stop), *range(at.twist.start, at.twist.stop)]
-        for k in range(6 + g.l):
-            own = {j: exact[k] if k < 6 else -exact[k] for j, exact in zip(places, motion, strict=True)}
-            others: dict[int, float | fmpq]
-            others = {int(j): float(equations.E[k, j]) for j in np.flatnonzero(equations.E[k]) if j not in own}
-            if k >= 6 and at.scalar.start in others:
-                others[at.scalar.start] = -equations.given[k - 6]
-            row, factor = _whole(others)
-            shared = max(factor, unit)
-            E[k] = {j: x * (shared // factor) for j, x in row.items()}, shared
-            E[k][0].update({j: x * (shared // unit) for j, x in own.items() if x != 0})
-        self.E = E
-        self._ranks: dict[tuple[bytes, bytes, bytes], int] = {}
-
-    def row(self, value: Array) -> tuple[Sparse, int]:
-        """A row of `row_values` over x alone, times a power of two, which is the second."""
-        numbers, factor = _whole({int(j): float(value[j]) for j in np.flatnonzero(value)})
-        out: Sparse = {}
-        for j, x in numbers.items():
-            of = {j: fmpz(self.unit)} if j < self.n else self.Z[j - self.n]
-            for i, coefficient in of.items():
-                out[i] = out.get(i, fmpz(0)) + x * coefficient
-        return out, factor * self.unit
-
-    def rank(self, values: Array, equalities: Mask, columns: Mask) -> int:
-        """Exactly, of rows (k, n+3m+a+s) of `row_values` and some equalities (p,), in some columns (n,) only."""
-        rows = {row.tobytes(): row for row in values}
-        key = b"".join(sorted(rows)), equalities.tobytes(), columns.tobytes()
-        if key not in self._ranks:
-            every = [self.row(row)[0] for row in rows.values()]
-            every += [self.E[k][0] for k in np.flatnonzero(equalities)]
-            self._ranks[key] = _rank(every, np.flatnonzero(columns).tolist())
-        return self._ranks[key]
-
-
-def _rank(rows: list[Sparse], columns: list[int]) -> int:
-    """Exactly; each row over what its numbers share, which are shorter then."""
-    zero = fmpz(0)
-    table = [[row.get(j, zero) for j in columns] for row in rows]
-    for k, row in enumerate(table):
-        shared = zero
-        for x in row:
-            shared = shared.gcd(x)
-        table[k] = [x // shared for x in row] if shared else row
-    return int(fmpz_mat(table).rank()) if table and columns else 0
-
-
-def _whole(row: Mapping[int, float | fmpq]) -> tuple[Sparse, int]:
-    """Numbers times the least power of two that makes them whole, which is the second."""
-    ratios = {j: (int(x.p), int(x.q)) if isinstance(x, fmpq) else x.as_integer_ratio() for j, x in row.items()}
-    common = max((d for _, d in ratios.values()), default=1)
-    return {j: fmpz(p * (common // d)) for j, (p, d) in ratios.items()}, common
-
-
-def _whole_rows(A: Array) -> list[tuple[Sparse, int]]:
-    return [_whole({int(j): float(row[j]) for j in np.flatnonzero(row)}) for row in A]
-
-
-@lru_cache(maxsize=32)
-def _exact_motion(grasp: GraspData) -> tuple[list[list[fmpz]], int]:
-    """`GraspData.exact_motion` in whole numbers, and the power of two that they were multiplied by."""
-    rows = grasp.exact_motion
-    unit = max(int(x.q) for row in rows for x in row)
-    return [[fmpz(int(x.p) * (unit // int(x.q))) for x in row] for row in rows], unit

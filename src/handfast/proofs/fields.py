@@ -207,7 +207,7 @@ def rational(x: float) -> fmpq:
 
 def rationals(values: Iterable[float]) -> list[fmpq]:
     """Several."""
-    return [rational(x) for x in values]
+    return [rational(x) if x else ZERO for x in values]
 
 
 def cross(a: Sequence[fmpq], b: Sequence[fmpq]) -> list[fmpq]:

@@ -14,16 +14,15 @@ y as rounded numbers, and v follows from it by least squares. Multipliers w = (y
 - Efforts of actuators with a joint of their own are put in from that joint's equation (`Equations.solved`), which makes
   systems smaller: the multiplier of the equation follows from those of the rows, exactly but for bounded rounding.
 - Columns depend on each other by structure: two fingertips that stick do not keep an object from turning about the line
-  through them. If all that a leaf uses has rank k at most (`LeafSystems._most_ranks`), any rows and columns of numbers
-  are put beside B, so that its rank k may be filled up to a whole square. That this has an inverse shows that the rank
-  is k; the multipliers of what was added to the rows are then 0, as the right side is a sum of rows that a leaf uses.
-- Where that is not known, as many columns as the rank are kept, and that the rank of all is no higher is shown in whole
-  numbers, once for each set of rows (`ExactRows.rank`), for motions and forces apart. Then what cancels in the kept
-  columns cancels in all.
-- Where columns depend on each other only but for rounding (points on a circle, parallel walls), what is left in those
-  that are not kept is multiplied by a motion, or by a force of a contact, which is no larger than its motion. The
-  margin then allows for motions up to a *cap* only, see `Equations.reach`.
-- What remains is solved in rational arithmetic (`exact_margin`).
+  through them. If all rows that a leaf uses have rank k at most (`LeafSystems._most_ranks`), and there are more than k,
+  any rows and columns of numbers are put beside B, so that its rank k may be filled up to a whole square. That this has
+  an inverse shows that the rank is k; the multipliers of what was added to the rows are then 0, as the right side is a
+  sum of rows that a leaf uses. Where all rows may be independent nothing follows: these may contradict nothing.
+- What floating point does not show is solved in rational arithmetic (`exact_margin`), in columns that elimination finds
+  to be independent. Mostly all others cancel exactly, too. Where columns depend on each other only but for rounding
+  (points on a circle, parallel walls), what is left in the others is multiplied by a motion, or by a force of a
+  contact, which is no larger than its motion. The margin then allows for motions up to a *cap* only, see
+  `Equations.reach`.
 
 All of F, b, E, h but grasp map and Jacobian are floating-point numbers taken as they are, see `rows.row_values`.
 Rounding is bounded from above: a sum of k products is wrong by at most k ulp of the sum of sizes, and `error` is four
@@ -37,16 +36,15 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from flint import fmpq, fmpq_mat
+from flint import fmpq_mat
 
 from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
-from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, rational, rationals, rounded
+from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, rational, rationals, rounded
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.rows import UNIT
 
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
-HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
 RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK = 128  # systems inverted at a time
@@ -67,7 +65,7 @@ class CitedRows:
     """Rows of leaves, one after the other.
 
     Attributes:
-        value, right: (R, n+3m+a+1+s), (R,) of `rows.row_values`.
+        value, right: (U, n+3m+a+1+s), (U,) of `rows.row_values`, each row once. which: (R,) which of these it is.
         either: (R,) bool, multipliers may have any sign.
         y: (R,) multipliers, not negative.
         start: (L+1,) leaf i has the rows start[i] to start[i+1].
@@ -78,6 +76,7 @@ class CitedRows:
 
     value: Array
     right: Array
+    which: Integers
     either: Mask
     y: Array
     start: Integers
@@ -86,27 +85,14 @@ class CitedRows:
     energy: Mask
 
 
-def proved(
-    equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf, quick: bool = False
-) -> tuple[Array, Array]:
-    """(L,) y b + v h less the slack, relative to its terms, positive is a proof; (L,) [N] the cap it needs, or inf.
-
-    quick: by one enclosure in floating point, or not at all.
-
-    Raises:
-        Late: until [s] of `time.monotonic` is over.
-    """
-    in_time(until)
-    return LeafSystems(equations, side, rows, until).proved(quick)
-
-
 class LeafSystems:
     """Some leaves with scaled rows and unknowns.
 
     Attributes:
-        F: (R, n) rows, with efforts put in, see `Equations.solved`; put_in: (R, k) these equations in each row.
+        F: (U, n) rows, with efforts put in, see `Equations.solved`; put_in: (U, k) these equations in each row.
         E: (p, n) the others.
         y, v: (R,), (L, p) multipliers of scaled rows.
+        touches: (U, n) bool: unknowns that the rows know. which: (R,) of `CitedRows`.
         used, used_E: (R,), (L, p) bool: rows that count, and touch an unknown that is not 0.
         alive: (L, n) bool: unknowns that they touch.
         more: (2, L) rows and columns of any numbers that a square system has besides.
@@ -138,13 +124,13 @@ class LeafSystems:
         self.put_in /= self.unit[:, None]
         self.largest = most / self.unit
         self.E, self.E_touches, self.E_largest = E, E_size > 0, E_size.max(axis=1, initial=0.0)
-        self.y = rows.y * self.unit
+        self.which = rows.which
         self.b, self.h = rows.right / self.unit, side.h / q.unit
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
         self.error = ROUNDED + 4 * terms * UNIT
 
-        self.touches, self.stated = size > 0, self.y
-        self.rest = rest = self._summed(self.y[:, None] * self.F)
+        self.touches, self.stated = size > 0, rows.y * self.unit[self.which]
+        self.rest = rest = self._summed(self.stated[:, None] * self.F[self.which])
         v = -rest @ q.inverse
         alone = self.count == 0  # the equilibrium contradicts itself
         self.own_h = self.h.copy()
@@ -158,12 +144,13 @@ class LeafSystems:
         E_touches = self.E_touches.astype(float)
         self.top = np.maximum(self._top(self.stated), size.max(axis=1, initial=0.0))
         self.y = np.where(self.stated > NEGLIGIBLE * self.top[self.leaf], self.stated, 0.0)
-        self.used = (self.y > 0) & (self.touches & closed[self.leaf]).any(axis=1)
+        touches = self.touches[self.which]
+        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
         counts = size > NEGLIGIBLE * self.top[:, None]
         self.used_E, self.v = counts & (closed.astype(float) @ E_touches.T > 0), np.where(counts, v, 0.0)
         self.alive = np.zeros_like(closed)
         if len(self.y):
-            self.alive[self.some] = np.logical_or.reduceat(self.touches & self.used[:, None], self.begin)
+            self.alive[self.some] = np.logical_or.reduceat(touches & self.used[:, None], self.begin)
         self.alive = (self.alive | (self.used_E.astype(float) @ E_touches > 0)) & closed
 
     def _solve_again(self, leaves: Integers, least: float) -> None:
@@ -194,60 +181,42 @@ class LeafSystems:
     # --- which rows and columns make the square system
 
     def proved(self, quick: bool) -> tuple[Array, Array]:
-        """(L,) margins and caps. Raises `Late`."""
-        L, n = self.alive.shape
+        """(L,) y b + v h less the slack, relative to its terms, positive is a proof; (L,) [N] the cap it needs, or inf.
+
+        quick: in floating point, or not at all.
+
+        Raises:
+            Late: until [s] of `time.monotonic` is over.
+        """
+        L = len(self.count)
         self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
-        self.left, self.hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
-        many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
         self._leave_out_one()
+        many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
         alive = self.alive.sum(axis=1)
         self.more = np.zeros((2, L), dtype=np.int64)
         ragged = np.flatnonzero((many - 1 != alive) & (alive > 0))
         rank = self._most_ranks(ragged).sum(axis=1)
-        known = rank < many[ragged]
-        self.more[:, ragged] = (alive[ragged] - rank) * known, (many[ragged] - 1 - rank) * known
-        self._choose(ragged[~known], RANK)
-        squares = self._squares(np.arange(L))
-        singular = np.concatenate([np.zeros(0, np.int64), *(x.leaves[~x.regular] for x in squares)])
-        self._choose(singular, RANK)
-        margins, caps = self._enclosed(squares + self._squares(singular))
-        if quick:
-            return margins, np.where(margins > 0, caps, np.inf)
-        self._again(np.flatnonzero(~(margins > 0) & self.more.any(axis=0)), RANK, margins, caps)
-        self._exactly(margins, caps)
-        for least in (RANK, *COARSE):  # columns that depend on each other to some digits
+        self.more[:, ragged] = alive[ragged] - rank, many[ragged] - 1 - rank
+        known = np.delete(np.arange(L), ragged[rank >= many[ragged]])
+        margins, caps = self._enclosed(self._squares(known)), np.full(L, np.inf)
+        gap = np.abs(self.equations.grasp.gaps).max(initial=0.0)
+        for least, again in ((RANK, False), (RANK, True), *((x, True) for x in COARSE)):
             failed = np.flatnonzero(~(margins > 0))
-            if not len(failed):
+            if quick or not len(failed):
                 break
-            self._solve_again(failed, least)
-            self._again(failed, least, margins, caps)
-            self._exactly(margins, caps)
-        margins = np.where(caps < np.abs(self.equations.grasp.gaps).max(initial=0.0), -np.inf, margins)
+            if again:
+                self._solve_again(failed, least)
+            self._choose(failed[self.alive[failed].any(axis=1)], least)
+            for k in failed.tolist():
+                in_time(self.until)
+                margins[k], caps[k] = exact_margin(self, k)
+        margins = np.where(caps < gap, -np.inf, margins)
         return margins, np.where(margins > 0, caps, np.inf)
 
-    def _again(self, leaves: Integers, least: float, margins: Array, caps: Array) -> None:
-        """Put in margins and caps (L,) of leaves whose rows and columns are chosen by elimination."""
-        if len(leaves):
-            self._choose(leaves[self.alive[leaves].any(axis=1)], least)
-            of_some = self._enclosed(self._squares(leaves))
-            margins[leaves], caps[leaves] = of_some[0][leaves], of_some[1][leaves]
-
-    def _exactly(self, margins: Array, caps: Array) -> None:
-        """Put in what rational arithmetic shows, where the margins of leaves (L,) are none or their caps small."""
-        for k in np.flatnonzero((~(margins > 0) | (caps < HIGH * self.side.scale)) & ~self.hopeless):
-            in_time(self.until)
-            margin, cap = exact_margin(self, int(k))
-            if margin > 0 and (not margins[k] > 0 or cap > caps[k]):
-                margins[k], caps[k] = margin, cap
-
     def _squares(self, leaves: Integers) -> list[Square]:
-        """The square systems of leaves, without those that have none."""
-        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1) + self.more[0]
-        side[~self.alive.any(axis=1)] = 0
-        self.hopeless[leaves] |= (side != self.columns.sum(axis=1) + self.more[1])[leaves]
-        solvable = leaves[~self.hopeless[leaves]]
-        out = []
-        for chosen in _groups(solvable, side):
+        """The square systems of leaves."""
+        side, out = self.columns.sum(axis=1) + self.more[1], []
+        for chosen in _groups(leaves, side):
             in_time(self.until)
             out.append(Square(self, chosen, side[chosen]))
         return out
@@ -267,7 +236,7 @@ class LeafSystems:
         Equations come first, then inequalities with large multipliers, which may change most; last the row with the
         largest of all, which the others leave over.
         """
-        R, p = len(self.F), len(self.E)
+        R, p = len(self.which), len(self.E)
         for chosen in _groups(leaves, self.count):
             index, there = self.places(chosen, self.used, self.used_E)
             place = np.clip(index - R, 0, p - 1)
@@ -279,15 +248,13 @@ class LeafSystems:
             last = size == size.max(axis=1)[:, None]
             order = np.argsort(np.where(last, 1.0, np.where(free, -np.inf, -size)), axis=1, kind="stable")
             index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
-            rows, columns = _pivots(self.every[index, :-1] * self.alive[chosen][:, None], least)
+            rows, columns = _pivots(self.every[self.row_of[index], :-1] * self.alive[chosen][:, None], least)
             for k, leaf in enumerate(chosen.tolist()):
                 in_time(self.until)
                 mine = index[k][rows[k] & there[k]]
                 self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
                 self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
                 self.columns[leaf] = columns[k]
-                self.left[leaf], self.more[:, leaf] = False, 0
-                self.hopeless[leaf] = self._drop(leaf, columns[k])
 
     def _most_ranks(self, leaves: Integers) -> Integers:
         """(C, 2) no less than the ranks of what leaves use in motions, and in the other unknowns.
@@ -306,7 +273,7 @@ class LeafSystems:
         place = np.arange(len(own)) - np.repeat(np.cumsum(self.count[leaves]) - self.count[leaves], self.count[leaves])
         place += self.rows.start[leaves][own]
         own, place = own[self.used[place]], place[self.used[place]]
-        values, touches = self.rows.value[place] != 0, self.touches[place]
+        values, touches = self.rows.value[self.which[place]] != 0, self.touches[self.which[place]]
         alive, used_E = self.alive[leaves], self.used_E[leaves]
 
         def of_leaf(rows: Mask) -> Integers:
@@ -337,37 +304,9 @@ class LeafSystems:
             out.append(np.minimum(rows, some.sum(axis=1) - fewer))
         return np.column_stack(out).astype(np.int64)
 
-    def _drop(self, leaf: int, kept: Mask) -> bool:
-        """See whether other columns depend on those kept exactly; if not, some may be left over, others not: True."""
-        dropped, motions = self.alive[leaf] & ~kept, np.arange(len(kept)) < self.equations.columns.motions
-        most = self._most_ranks(np.array([leaf]))[0]
-        blocks = [
-            block
-            for of_block, block in zip(most, (motions, ~motions), strict=True)
-            if (dropped & block).any() and of_block > (kept & block).sum()
-        ]
-        if all(self._rank(leaf, block) <= (kept & block).sum() for block in blocks):
-            return False
-        if self._rank(leaf, motions | True) <= kept.sum():
-            return False
-        self.left[leaf] = dropped
-        return bool((dropped & ~self.equations.reached).any())
-
-    def _rank(self, leaf: int, block: Mask) -> int:
-        """Exactly, of the rows that a leaf uses, in some columns, but for what is `Equations.solved`."""
-        own, columns = slice(self.rows.start[leaf], self.rows.start[leaf + 1]), self.alive[leaf] & block
-        touching = self.used[own] & (self.touches[own] & columns).any(axis=1)
-        equalities = self.used_E[leaf] & (self.E_touches & columns).any(axis=1)
-        solved, at = (x if block[-1] else x[:0] for x in self.equations.solved)
-        equalities[solved], columns[at] = True, True
-        values = self.rows.value[own][touching].copy()
-        values[:, : len(block)] *= columns
-        values[:, len(block) :] *= block[0]
-        return self.equations.exact.rank(values, equalities, columns) - len(solved)
-
     def places(self, chosen: Integers, rows: Mask, equalities: Mask, width: int | None = None) -> tuple[Integers, Mask]:
         """(C, K) where in (F, E, 0) some rows (R,) and equalities (L, p) of leaves stand; and which are there."""
-        R, p, counts = len(self.F), len(self.E), self.count[chosen]
+        R, p, counts = len(self.which), len(self.E), self.count[chosen]
         place = self.rows.start[chosen][:, None] + np.arange(int(counts.max(initial=0)))
         inside = place < self.rows.start[chosen + 1][:, None]
         there = np.concatenate([np.append(rows, False)[np.where(inside, place, R)], equalities[chosen]], axis=1)
@@ -379,63 +318,51 @@ class LeafSystems:
 
     @cached_property
     def every(self) -> Array:
-        """(R+p+1, n+1) F and E, with one more row and column of zeros."""
-        (R, n), p = self.F.shape, len(self.E)
-        out = np.zeros((R + p + 1, n + 1))
-        out[:R, :n], out[R:-1, :n] = self.F, self.E
-        return out
+        """(U+p+1, n+1) F and E, with one more row and column of zeros."""
+        return np.pad(np.concatenate([self.F, self.E]), ((0, 1), (0, 1)))
 
-    def _enclosed(self, squares: list[Square]) -> tuple[Array, Array]:
-        """(L,) margins and caps by the square systems; margins are -inf where these show nothing."""
-        L, R, p = len(self.count), len(self.F), len(self.E)
+    @cached_property
+    def row_of(self) -> Integers:
+        """(R+p+1,) the row of `every` that each of (F, E, 0) is, leaf by leaf."""
+        return np.append(self.which, len(self.F) + np.arange(len(self.E) + 1))
+
+    def _enclosed(self, squares: list[Square]) -> Array:
+        """(L,) margins by the square systems; -inf where these show nothing."""
+        L, R, p = len(self.count), len(self.which), len(self.E)
+        either, put_in, b = self.rows.either, self.put_in[self.which], self.b[self.which]
         w = np.concatenate([self.y, self.v.ravel(), [0.0]])
         rest = self.rest + self.v @ self.E
         for square in squares:
             w[square.places] -= square.solution(rest)
         y, v = w[:R], w[R:-1].reshape(L, p)
-        rest = self._summed(y[:, None] * self.F) + v @ self.E
-        sizes = self._summed(np.abs(y) * self.largest) + np.abs(v) @ self.E_largest
+        rest = self._summed(y[:, None] * self.F[self.which]) + v @ self.E
+        sizes = self._summed(np.abs(y) * self.largest[self.which]) + np.abs(v) @ self.E_largest
         bound = self.error * sizes * ABOVE + 1e-300
         change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
         for square in squares:
             change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
         change_y, change_v = change[:R], change[R:-1].reshape(L, p)
 
-        good = (y >= change_y) | self.rows.either
+        good = (y >= change_y) | either
         sound &= self._summed((~good).astype(np.int64)) == 0
         unit, solved, size = self.equations.unit, self.equations.solved[0], np.abs(v)
-        size_in = np.abs(self.put_in)
-        v[:, solved], size[:, solved] = (
-            self._summed(y[:, None] * self.put_in),
-            self._summed(np.abs(y)[:, None] * size_in),
-        )
+        size_in = np.abs(put_in)
+        v[:, solved], size[:, solved] = self._summed(y[:, None] * put_in), self._summed(np.abs(y)[:, None] * size_in)
         change_v[:, solved] = self._summed(change_y[:, None] * size_in) + self.error * size[:, solved]
-        terms = self._summed(np.abs(y * self.b)) + size @ np.abs(self.h)
-        value = self._summed(y * self.b) + v @ self.h - self.error * terms
-        value -= (self._summed(change_y * np.abs(self.b)) + change_v @ np.abs(self.h)) * ABOVE
-        motions = self.rows.value[:, self.equations.columns.n :][:, self.equations.of_contacts]
+        terms = self._summed(np.abs(y * b)) + size @ np.abs(self.h)
+        value = self._summed(y * b) + v @ self.h - self.error * terms
+        value -= (self._summed(change_y * np.abs(b)) + change_v @ np.abs(self.h)) * ABOVE
+        motions = self.rows.value[:, self.equations.columns.n + self.equations.of_contacts][self.which]
+        row_unit = self.unit[self.which]
         pairs = ((y, motions), (change_y + 16 * UNIT * np.abs(y) * self.count[self.leaf], np.abs(motions)))
-        z = [self._summed((x / self.unit)[:, None] * each) for x, each in pairs]
+        z = [self._summed((x / row_unit)[:, None] * each) for x, each in pairs]
         slack, grows = self.side.costs(self.equations, v / unit, change_v / unit, *z)
         first = self.rows.first
-        pushes = self._summed(np.where(first, y - change_y, 0.0) / self.unit) * (1 - 1e-9)
-        energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / self.unit) * self.side.energy
+        pushes = self._summed(np.where(first, y - change_y, 0.0) / row_unit) * (1 - 1e-9)
+        energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / row_unit) * self.side.energy
         value -= (slack + energy) * ABOVE + self.side.grown(grows, pushes)
-        caps = np.full(L, np.inf)
-        if self.left.any():
-            caps = self._caps(value, rest, bound, change_y, change_v)
         margins = np.where(terms > 0, value / np.maximum(terms, 1e-300), -np.inf)
-        return np.where(sound & np.isfinite(margins), margins, -np.inf), caps
-
-    def _caps(self, value: Array, rest: Array, bound: Array, change_y: Array, change_v: Array) -> Array:
-        """(L,) [N] up to which motions leave half of the margin, where columns are left over."""
-        q = self.equations
-        off = self._summed(change_y[:, None] * np.abs(self.F)) + change_v @ np.abs(self.E)
-        off += (self.error * (self._summed(change_y * self.largest) + change_v @ self.E_largest) + bound)[:, None]
-        left = self.left / q.scale
-        weight = q.reach(rest * left, off * left * ABOVE)
-        with np.errstate(divide="ignore"):
-            return np.where(self.left.any(axis=1), np.maximum(value, 0.0) / (2 * ABOVE * weight), np.inf)
+        return np.where(sound & np.isfinite(margins), margins, -np.inf)
 
 
 class Square:
@@ -448,11 +375,12 @@ class Square:
     """
 
     def __init__(self, systems: LeafSystems, leaves: Integers, sides: Integers) -> None:
-        R, (p, n), side = len(systems.F), systems.E.shape, int(sides.max(initial=0))
+        R, (p, n), side = len(systems.which), systems.E.shape, int(sides.max(initial=0))
         self.leaves = leaves
         index, there = systems.places(leaves, systems.basis, systems.basis_E, side)
         self.columns = _compact(systems.columns[leaves], np.arange(n), side, n)
-        B = systems.every.take(index[:, :, None] * (n + 1) + self.columns[:, None, :])
+        row = systems.row_of[index]
+        B = systems.every.take(row[:, :, None] * (n + 1) + self.columns[:, None, :])
         diagonal, some = np.arange(side), np.flatnonzero(systems.more[:, leaves].any(axis=0))
         inside = diagonal < sides[some, None]
         added = (~there[some][:, :, None] | (self.columns[some] == n)[:, None]) & inside[:, :, None] & inside[:, None]
@@ -465,7 +393,7 @@ class Square:
         off = B @ X
         off[:, diagonal, diagonal] -= 1.0
         off = np.abs(off)
-        largest = np.maximum(np.concatenate([systems.largest, systems.E_largest, [1.0]]), 1.0)[index]
+        largest = np.maximum(np.concatenate([systems.largest, systems.E_largest, [1.0]]), 1.0)[row]
         rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * ABOVE
         self._rows = (off.sum(axis=2) * ABOVE + rounding).max(axis=1, initial=0.0)
         self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
@@ -559,32 +487,28 @@ NONE = -np.inf, np.inf
 def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     """y b + v h less the slack, relative, of multipliers that cancel exactly and are near a leaf's; -inf if none are.
 
-    The multipliers of the basis are solved for in the kept columns; then all columns have to cancel but those that are
-    left over, which make the second number: [N] the cap on motions that leaves half of the margin, inf if none does.
+    The multipliers of the basis are solved for in the chosen columns; then all others have to cancel as well. What does
+    not makes the second number: [N] the cap on motions that leaves half of the margin; inf where all cancels.
     """
-    s, q, exact = systems, systems.equations, systems.equations.exact
+    s, q = systems, systems.equations
     own = np.arange(s.rows.start[leaf], s.rows.start[leaf + 1])
     own = own[s.y[own] > 0]  # those that touch no unknown but such as are 0 count by their right side
-    solved, at = (x[(s.put_in[own] != 0).any(axis=0)] for x in q.solved)
-    basis_E, columns_, alive = s.basis_E[leaf].copy(), s.columns[leaf].copy(), s.alive[leaf].copy()
-    basis_E[solved], columns_[at], alive[at] = True, True, True
+    row = s.which[own]
+    solved, at = (x[(s.put_in[row] != 0).any(axis=0)] for x in q.solved)
+    basis_E, chosen, alive = s.basis_E[leaf].copy(), s.columns[leaf].copy(), s.alive[leaf].copy()
+    basis_E[solved], chosen[at], alive[at] = True, True, True
     ties = np.flatnonzero((s.v[leaf] != 0) | basis_E)
-    y, v = s.y[own] / s.unit[own], s.v[leaf, ties] / q.unit[ties]
-    if not (np.isfinite(y).all() and np.isfinite(v).all()):
+    y, v = s.y[own] / s.unit[row], s.v[leaf, ties] / q.unit[ties]
+    in_basis = np.concatenate([s.basis[own], basis_E[ties]])
+    basis, others = np.flatnonzero(in_basis).tolist(), np.flatnonzero(~in_basis).tolist()
+    if len(basis) != chosen.sum() or not (np.isfinite(y).all() and np.isfinite(v).all()):
         return NONE
-    rows = [*(exact.row(s.rows.value[k]) for k in own), *(exact.E[k] for k in ties)]
-    table = [row for row, _ in rows]
-    w = [rational(x) / factor for x, (_, factor) in zip([*y, *v], rows, strict=True)]  # of rows in whole numbers
-    basis = np.flatnonzero(np.concatenate([s.basis[own], basis_E[ties]])).tolist()
-    columns = np.flatnonzero(columns_).tolist()
-    if len(basis) != len(columns):
-        return NONE
+    kept, rest = (q.exact_rows(s.rows.value[row], ties, np.flatnonzero(x)) for x in (chosen, alive & ~chosen))
+    w = rationals(np.concatenate([y, v]))
     if basis:
-        others = sorted(set(range(len(table))) - set(basis))
-        matrix = fmpq_mat(len(basis), len(basis), [fmpq(table[j].get(i, 0)) for i in columns for j in basis])
-        rest = [-dot((w[j] for j in others), (fmpq(table[j].get(i, 0)) for j in others)) for i in columns]
+        missing = [[-dot((w[j] for j in others), (kept[j][i] for j in others))] for i in range(len(basis))]
         try:
-            found = matrix.solve(fmpq_mat(len(basis), 1, rest))
+            found = fmpq_mat([kept[j] for j in basis]).transpose().solve(fmpq_mat(missing))
         except ZeroDivisionError:  # singular
             return NONE
         for place, j in enumerate(basis):
@@ -592,32 +516,26 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     free = np.concatenate([s.rows.either[own], np.ones(len(ties), dtype=bool)])
     if any(x < 0 for x, any_sign in zip(w, free, strict=True) if not any_sign):
         return NONE
-    total = {i: dot(w, (fmpq(row.get(i, 0)) for row in table)) for i in np.flatnonzero(alive).tolist()}
-    if any(x != 0 and not s.left[leaf, i] for i, x in total.items()):
+    left = np.zeros(len(alive))
+    left[alive & ~chosen] = [not_zero(dot(w, column)) for column in zip(*rest, strict=True)]
+    if left[~q.reached].any():
         return NONE
 
-    w = [x * factor for x, (_, factor) in zip(w, rows, strict=True)]  # of rows as they are
-    right = [*rationals(s.rows.right[own]), *(s.side.exact[k] for k in ties)]
+    right = [*rationals(s.rows.right[row]), *(s.side.exact[k] for k in ties)]
     terms = [x * b for x, b in zip(w, right, strict=True)]
     size = sum((abs(x) for x in terms), ZERO)
     if size == 0:
         return NONE
-    multipliers = np.zeros((1, len(s.E)))
-    multipliers[0, ties] = [rounded(x) for x in w[len(own) :]]
-    motions = s.rows.value[own, q.columns.n :][:, q.of_contacts]
-    of_motions = [[rounded(dot(w[: len(own)], map(rational, column))) for column in motions.T]]
-    z = np.array(of_motions).reshape(1, motions.shape[1])
-    slack, grows = s.side.costs(q, multipliers, np.zeros_like(multipliers), z, np.abs(z) * 1e-9)
-    pushes, energy = (
-        rounded(sum((x for x, k in zip(w, own, strict=False) if which[k]), ZERO))
-        for which in (s.rows.first, s.rows.energy)
-    )
+    near = np.array([rounded(x) for x in w])
+    multipliers, of_rows = np.zeros((1, len(s.E))), near[: len(own)]
+    multipliers[0, ties] = near[len(own) :]
+    motions = s.rows.value[row][:, q.columns.n + q.of_contacts]
+    z, z_size = of_rows @ motions, np.abs(of_rows) @ np.abs(motions)
+    slack, grows = s.side.costs(q, multipliers, np.zeros_like(multipliers), z[None], 1e-13 * z_size[None])
+    pushes, energy = (of_rows @ which[own] for which in (s.rows.first, s.rows.energy))
     cost = (slack[0] + energy * s.side.energy) * (1 + 1e-9) + s.side.grown(grows, np.array([pushes * (1 - 1e-9)]))[0]
     if not np.isfinite(cost):
         return NONE
     value = sum(terms, ZERO) - rational(cost)
-    left = np.zeros((1, len(alive)))
-    left[0, list(total)] = [rounded(x) for x in total.values()]
-    weight = float(q.reach(left, np.abs(left) * 1e-9)[0])
-    cap = max(rounded(value), 0.0) / (2 * weight) if weight > 0 else np.inf
-    return rounded(value / size), cap
+    weight = float(q.reach(left[None], np.abs(left)[None] * 1e-9)[0])
+    return rounded(value / size), (max(rounded(value), 0.0) / (2 * weight) if weight > 0 else np.inf)

@@ -9,7 +9,7 @@ command, so that (8) reads t >= 0, f >= |f_c| everywhere.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -213,6 +213,18 @@ def zeros(q: Question, cases: Integers) -> Mask:
 
 
 # --- what they say ----------------------------------------------------------------------------------
+
+
+def different(rows: LeafRows) -> tuple[LeafRows, Integers]:
+    """Each row once, whatever its leaf; (R,) which of these each row is."""
+    about, ends = (rows.kind << 32) | rows.index, (rows.a << 32) | (rows.b & 0xFFFFFFFF)
+    order = np.lexsort((ends, about))
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = (np.diff(about[order]) != 0) | (np.diff(ends[order]) != 0)
+    which = np.zeros(len(order), dtype=np.int64)
+    which[order] = np.cumsum(new) - 1
+    first = order[new]
+    return replace(rows, **{name: getattr(rows, name)[first] for name in ("kind", "index", "a", "b", "leaf")}), which
 
 
 def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array, Array]:
