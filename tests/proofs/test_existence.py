@@ -367,7 +367,7 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     system = System.of(p, modes, x, False)
     with ctx.workprec(BITS):
         balls = Balls(system)
-        derivative = balls.derivative(balls.at(balls.start)[3])
+        derivative = balls.derivative(balls.at(balls.start)[2])
     assert derivative.nrows() == len(system.value) == 6 + g.l + 1 + 1  # balance, the locked joint, the limit
     floats = [[float(y.mid()) for y in row] for row in derivative.table()]
     np.testing.assert_allclose(floats, system.A, rtol=1e-10, atol=1e-10 * np.abs(system.A).max())

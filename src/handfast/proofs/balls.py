@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, ctx
 
 from handfast.proofs.fields import Array
 from handfast.proofs.newton import BITS, ROUNDS, Box, System
-from handfast.proofs.states import ULP
+from handfast.proofs.states import ULP, Numbers
 
+number: Numbers = np.frompyfunc(arb, 1, 1)
+middle: Numbers = np.frompyfunc(arb.mid, 1, 1)
 FAST = 1e-4  # by which each of Newton's steps with the inverse at the start has to reduce what is missed
 
 
@@ -25,64 +28,36 @@ def solution(s: System) -> tuple[Array, Array, float]:
     with ctx.workprec(BITS):
         balls = Balls(s)
         x = balls.solved()
-        _, phi, magnitude, *_ = balls.at(x)
-        return _floats(x[: len(s.v)])[0], _floats(phi)[0], float(magnitude.mid())
+        phi = balls.at(x)[1]
+        magnitude = float(x[-1].mid()) if s.sought else s.p.magnitude
+        return _floats(x[: len(s.v)])[0], _floats(phi)[0], magnitude
 
 
 class Balls:
-    """A system in balls: the numbers of the grasp exactly, unknowns as lists of balls."""
+    """A system in balls: the numbers of the grasp exactly, unknowns as arrays of balls."""
 
     def __init__(self, s: System) -> None:
-        self.s, p = s, s.p
-        self.M = arb_mat([[arb(x) for x in row] for row in p.grasp.exact_rows])
-        self.unknown = np.flatnonzero(s.rows.unknown).tolist()
-        self.rows = [[k for k in rows if k < len(s.phi) - 1] for rows in s.laws.rows.tolist()]
-        self.M_of = [arb_mat([[arb(x) for x in p.grasp.exact_rows[k]] for k in rows]) for rows in self.rows]
-        self.sought = bool(s.sought.any())
-        along = np.zeros(6) if p.along is None else p.along
-        start = arb(p.magnitude)
-        self.load = [arb(w) for w in np.r_[p.wrench, p.grasp.torque]]
-        self.along = [arb(w) for w in np.r_[along, np.zeros(p.grasp.l)]]
-        self.start = [arb(x) for x in (*s.v, *s.phi[self.unknown])]
-        self.start += [start] * self.sought
-        self.magnitude = start
+        self.s, self.M = s, number(s.p.grasp.exact_table)
+        self.along = number(np.zeros(6) if s.p.along is None else s.p.along)
+        self.start = number(np.concatenate([s.v, s.phi[s.of_modes.unknown], [s.p.magnitude] * s.sought]))
 
-    def at(self, x: list[arb]) -> tuple[list[arb], list[arb], arb, list[arb_mat], list[arb]]:
-        """Motions, forces, magnitude, derivatives of each pressing contact's forces by its motions, what is missed."""
-        s, p, nv = self.s, self.s.p, len(self.s.v)
-        magnitude = x[-1] if self.sought else self.magnitude
-        d = _column(self.M * arb_mat([[y] for y in x[:nv]]))
-        phi = [arb(x) for x in s.rows.given]
-        K = [_contact_law(s, i, rows, d, phi) for i, rows in enumerate(self.rows)]
-        for i, k in enumerate(self.unknown):
-            phi[k] = x[nv + i]
-        missing = _column(self.M.transpose() * arb_mat([[y] for y in phi]))
-        missing = [a + b + magnitude * c for a, b, c in zip(missing, self.load, self.along, strict=True)]
-        above = [phi[s.laws.rows[i, 0]] - arb(p.force_limit) for i in s.full]
-        at = s.rows.exact
-        value = [*missing, *(d[k] - arb(at[k]) if k in at else d[k] for k in s.kept.tolist()), *above]
-        return d, phi, magnitude, K, [value[i] for i in s.used]
+    def at(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Motions, forces, derivatives of each pressing contact's forces by its motions, what is missed."""
+        d, phi, laws, value = self.s.of_modes.at(self.M, x, number)
+        if not (laws.speed > 0).all():
+            raise ZeroDivisionError("a direction of sliding may be any")
+        return d, phi, laws.K, value[self.s.used]
 
-    def derivative(self, K: list[arb_mat]) -> arb_mat:
+    def derivative(self, K: Array) -> arb_mat:
         """(k, n) of the equations by the unknowns."""
-        s, nv, M = self.s, len(self.s.v), self.M
-        KM = [of_contact * own for of_contact, own in zip(K, self.M_of, strict=True)]
-        out: list[list[arb]] = []
-        J = _stacked(self.M_of, nv).transpose() * _stacked(KM, nv)
-        for i in range(nv):
-            last = [self.along[i]] if self.sought else []
-            out.append([*(J[i, j] for j in range(nv)), *(M[k, i] for k in self.unknown), *last])
-        rest = [arb(0)] * (len(self.start) - nv)
-        out += [[*(M[k, j] for j in range(nv)), *rest] for k in s.kept.tolist()]
-        out += [[*(KM[i][0, j] for j in range(nv)), *rest] for i in s.full.tolist()]
-        return arb_mat([out[i] for i in s.used])
+        return arb_mat(self.s.of_modes.derivative(self.M, K, self.along)[self.s.used].tolist())
 
-    def solved(self) -> list[arb]:
+    def solved(self) -> Array:
         """Unknowns after Newton's method. Raises `NotShown`."""
         s, x = self.s, self.start
         if not len(s.value):
             return x
-        C = arb_mat(s.inverse.tolist())
+        C = number(s.inverse)
         with suppress(ZeroDivisionError):
             near = self._nearer(C)
             if near is not None:
@@ -90,22 +65,21 @@ class Balls:
         try:
             for _ in range(ROUNDS):
                 *_, K, value = self.at(x)
-                step = _column(C * (self.derivative(K) * C).solve(arb_mat([[y] for y in value])))
-                x = [(a - b).mid() for a, b in zip(x, step, strict=True)]
+                step = (self.derivative(K) * arb_mat(C.tolist())).solve(arb_mat(value[:, None].tolist()))
+                x = middle(x - C @ np.array(step.entries(), dtype=object))
         except ZeroDivisionError:
             raise s.fails(False) from None
         return x
 
-    def _nearer(self, C: arb_mat) -> list[arb] | None:
+    def _nearer(self, C: Array) -> Array | None:
         """Unknowns after steps with one inverse C of the derivative; None where one of them brings little."""
-        x, units, before = self.start, self.s.units.tolist(), np.inf
+        x, before = self.start, np.inf
         for _ in range(ROUNDS):
             *_, value = self.at(x)
-            missed = max(_most(y) * unit for y, unit in zip(value, units, strict=True))
+            missed = float((most(value) * self.s.units).max())
             if not missed <= FAST * before:
                 return None
-            x = [(a - b).mid() for a, b in zip(x, _column(C * arb_mat([[y] for y in value])), strict=True)]
-            before = missed
+            x, before = middle(x - C @ value), missed
         return x
 
     def box(self) -> Box:
@@ -113,80 +87,48 @@ class Balls:
         s, x = self.s, self.solved()
         if len(s.value):
             x = self._contained(x)
-        d, phi, magnitude, *_ = self.at(x)
-        held, (motion, (mid, off), forces) = s.rows.held, (_floats(y) for y in (x[: len(s.v)], d, phi))
-        (shift,), (shift_off,) = _floats([magnitude])
-        at, at_off = s.rows.at, 2 * ULP * np.abs(s.rows.at)
-        mid, off = np.where(held, at, mid), np.where(held, at_off, off)
+        d, phi, *_ = self.at(x)
+        rows, motion, (mid, off), forces = s.of_modes.rows, _floats(x[: len(s.v)]), _floats(d), _floats(phi)
+        (shift,), (shift_off,) = _floats(x[-1:]) if s.sought else _floats(number([s.p.magnitude]))
+        mid, off = np.where(rows.held, rows.at, mid), np.where(rows.held, 2 * ULP * np.abs(rows.at), off)
         return Box(*motion, mid, off, *forces, shift, shift_off)
 
-    def _contained(self, x: list[arb]) -> list[arb]:
+    def _contained(self, x: Array) -> Array:
         """Balls about x that Newton's test keeps. Raises `NotShown`."""
         *_, K, value = self.at(x)
-        C, missed = arb_mat(self.s.inverse.tolist()), np.array([_most(y) for y in value])
+        C, missed = arb_mat(self.s.inverse.tolist()), most(value)
         wide = self._kept(x, C, missed, 1)
         with suppress(ZeroDivisionError):
-            wide = wide or self._kept(x, (C * (self.derivative(K) * C).inv()).mid(), missed, ROUNDS)
+            if wide is None:
+                wide = self._kept(x, (C * (self.derivative(K) * C).inv()).mid(), missed, ROUNDS)
         if wide is None:
             raise self.s.fails(False)
         return wide
 
-    def _kept(self, x: list[arb], C: arb_mat, missed: Array, rounds: int) -> list[arb] | None:
+    def _kept(self, x: Array, C: arb_mat, missed: Array, rounds: int) -> Array | None:
         """Balls about x, with C about a right inverse of the derivative; None where the test keeps none."""
         radius, one = 1.5 * missed, arb_mat(len(missed), len(missed), 1)
         for _ in range(rounds):
-            away = _column(C * arb_mat([[arb(0, r)] for r in radius]))
-            wide = [a + b for a, b in zip(x, away, strict=True)]
+            away = C * arb_mat([[arb(0, r)] for r in radius])
+            wide = x + np.array(away.entries(), dtype=object)
             try:
-                error = self.derivative(self.at(wide)[3]) * C - one
+                error = self.derivative(self.at(wide)[2]) * C - one
             except ZeroDivisionError:  # a direction of sliding may be any
                 return None
-            grown = missed + np.array([[_most(y) for y in row] for row in error.table()]) @ radius * (1 + 1e-12)
+            grown = missed + most(np.array(error.tolist(), dtype=object)) @ radius * (1 + 1e-12)
             if (grown <= radius).all():
                 return wide
             radius = 1.5 * grown
         return None
 
 
-def _stacked(parts: list[arb_mat], width: int) -> arb_mat:
-    """Matrices one below the other."""
-    rows = [row for part in parts for row in part.table()]
-    return arb_mat(rows) if rows else arb_mat(0, width)
+def most(x: Any) -> Array:
+    """At least |x| of balls, as floats; inf where nothing is known."""
+    known = [float(y.abs_upper()) if y.is_finite() else np.inf for y in x.ravel()]
+    return np.array(known).reshape(x.shape) * (1 + 4 * ULP)
 
 
-def _contact_law(s: System, i: int, rows: list[int], d: list[arb], phi: list[arb]) -> arb_mat:
-    """Put the force of the i-th contact that presses, by its motion, where it belongs; its derivatives."""
-    (n, *t), cos, sin, rub = rows, arb(s.p.cos), arb(s.p.sin), arb(s.laws.rub[i])
-    smooth = bool(np.isfinite(s.laws.speed[i]))
-    speed = sum((d[k] * d[k] for k in t), arb(0)).sqrt() if smooth else arb(0)
-    if smooth and not speed > 0:
-        raise ZeroDivisionError
-    u = [d[k] / speed if smooth else arb(0) for k in t]
-    by_d = [-cos, *(-sin * y for y in u)]
-    phi[n] = -(arb(s.p.grasp.gaps[n // 3]) + cos * d[n] + sin * speed)
-    leans = [arb(1), *(arb(y) - rub * a for y, a in zip(s.laws.lean[i], u, strict=False))]
-    for row, lean in zip(rows, leans, strict=True):
-        phi[row] = lean * phi[n]
-    K = arb_mat([[lean * slope for slope in by_d] for lean in leans])
-    if rub != 0:
-        turned = rub * phi[n] / speed
-        for j, a in enumerate(u, start=1):
-            for k, b in enumerate(u, start=1):
-                K[j, k] -= turned * (arb(int(j == k)) - a * b)
-    return K
-
-
-def _column(A: arb_mat) -> list[arb]:
-    return [A[i, 0] for i in range(A.nrows())]
-
-
-def _most(x: arb) -> float:
-    """At least |x|; inf if nothing is known."""
-    out = float(x.abs_upper()) if x.is_finite() else np.inf
-    return out * (1 + 4 * ULP)
-
-
-def _floats(values: list[arb]) -> tuple[Array, Array]:
+def _floats(values: Any) -> tuple[Array, Array]:
     """Middles and radii."""
     mid = np.array([float(x.mid()) for x in values])
     off = np.array([float(x.rad()) for x in values])

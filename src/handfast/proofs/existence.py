@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import heapq
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from handfast.proofs.balls import refined, solution
-from handfast.proofs.fields import Array
+from handfast.proofs.fields import Array, Mask
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.near import Near, near
 from handfast.proofs.newton import Box, NotShown, System
@@ -172,7 +171,7 @@ def _tried(s: System, x: State, residual: float) -> Proved:
         if not fault.rounding:
             raise
     try:
-        inside = System.of(s.p, s.modes, _inside(s), bool(s.sought.any()))
+        inside = System.of(s.p, s.modes, _inside(s), s.sought)
         return _shown(inside, x, inside.box(), residual)
     except NotShown:
         return _shown(s, x, refined(s), residual)
@@ -180,61 +179,30 @@ def _tried(s: System, x: State, residual: float) -> Proved:
 
 def _inside(s: System) -> State:
     """The nearest state that solves the linearised equations and keeps every inequality by a little, if any does."""
-    p, g, (M, _), nv = s.p, s.p.grasp, s.p.grasp.rows, len(s.v)
-    unknown = np.flatnonzero(s.rows.unknown)
-    place = {int(k): nv + i for i, k in enumerate(unknown)}
-    rows, short, act = [], [], acting(p, State.of(g, s.v, s.phi))
+    p, e, nv, (n, step) = s.p, s.of_modes, len(s.v), (s.A.shape[1], CLOSE * s.p.scale)
+    d, phi = np.zeros((n, len(s.d))), np.zeros((n, len(s.d)))  # by each of the scaled unknowns
+    d[:nv] = (p.grasp.rows[0] * s.columns[:nv]).T
+    phi[:, s.laws.rows] = np.einsum("cij,ncj->nci", s.laws.K, d[:, s.laws.rows])
+    places = nv + np.arange(len(e.unknown))
+    phi[:, -1], phi[places, e.unknown] = 0.0, s.columns[places]
 
-    def keep(value: float, unit: float, motion: Array | None, forces: Mapping[int, float]) -> None:
-        """An inequality, value >= 0 [unit]: its gradient by motions (6 + l,), and by unknown forces."""
-        if not value * unit < CLOSE * act:
-            return
-        row = np.zeros(s.A.shape[1])
-        row[:nv] = 0.0 if motion is None else motion
-        for k, x in forces.items():
-            row[place[k]] += x
-        rows.append(row * unit)
-        short.append(AWAY * act - value * unit)
+    def values(d: Array, phi: Array) -> Array:
+        none = np.zeros(len(s.d))
+        of_all = slacks(p, s.modes, Box(s.v, none[:nv], d, none, phi, none))
+        return np.concatenate([np.where(applies, value, np.inf) for *_, value, applies in of_all], axis=-1)
 
-    for i, kind in enumerate(s.modes.contact.tolist()):
-        n, *t = g.contact_rows[i].tolist()
-        speed = float(np.sqrt((s.d[t] ** 2).sum()))
-        gap = g.gaps[i] + p.cos * s.d[n] + p.sin * speed
-        by_motion = p.cos * M[n] + (p.sin / speed * (s.d[t] @ M[t]) if p.sin and speed > 0 else 0.0)
-        if kind == Contact.OPEN:
-            keep(gap, 1.0, by_motion, {})
-        elif kind >= Contact.STICKS:
-            keep(-gap, 1.0, -by_motion, {})
-        friction = float(np.sqrt((s.phi[t] ** 2).sum()))
-        if kind in (Contact.STICKS, Contact.RUBS) and g.mu[i] > 0 and friction > 0:
-            own = {k: -s.phi[k] / friction for k in t if k in place}
-            keep(-g.mu[i] * gap - friction, 1.0, -g.mu[i] * by_motion, own)
-    _, _, actuators, _, joints = g.parts
-    for j, kind in enumerate(s.modes.actuator.tolist()):
-        k, sign, unit = actuators.start + j, float(sense(p)[j]), float(g.row_units[actuators.start + j])
-        if kind == Part.RESTS:
-            keep(sign * (s.phi[k] - p.command[j]), unit, None, {k: sign})
-        elif kind == Part.MOVES:
-            keep(sign * s.d[k] + g.slack[j], 1.0 / unit, sign * M[k], {})
-        if k in place and np.isfinite(p.limit[j]):
-            keep(p.limit[j] - abs(s.phi[k]), unit, None, {k: -1.0 if s.phi[k] > 0 else 1.0})
-    lo, hi = reaction_ends(g)
-    for j, kind in enumerate(s.modes.joint.tolist()):
-        k, unit = joints.start + j, float(g.row_units[joints.start + j])
-        if kind == Part.RESTS:
-            keep(s.phi[k] - lo[j], unit, None, {k: 1.0})
-            keep(hi[j] - s.phi[k], unit, None, {k: -1.0})
-        elif kind in (Part.MOVES, Part.OPENS):
-            sign = 1.0 if kind == Part.MOVES else -1.0
-            keep(sign * s.d[k], 1.0 / unit, sign * M[k], {})
-    both = np.vstack([s.units[:, None] * s.A * s.columns, *(row * s.columns for row in rows)])
+    act, here = acting(p, State.of(p.grasp, s.v, s.phi)), values(s.d, s.phi)
+    least = here < CLOSE * act
+    kept = (values(s.d + step * d, s.phi + step * phi) - here)[:, least].T / step
+    both = np.vstack([s.units[:, None] * s.A * s.columns, kept])
+    short = np.concatenate([-s.units * s.value, AWAY * act - here[least]])
     try:
-        step = s.columns * np.linalg.lstsq(both, np.concatenate([-s.units * s.value, short]), rcond=1e-12)[0]
+        x = s.columns * np.linalg.lstsq(both, short, rcond=1e-12)[0]
     except np.linalg.LinAlgError:
         raise NotShown("no state is farther inside of the modes") from None
     forces = s.phi.copy()
-    forces[unknown] += step[nv : nv + len(unknown)]
-    return State.of(g, s.v + step[:nv], forces)
+    forces[e.unknown] += x[places]
+    return State.of(p.grasp, s.v + x[:nv], forces)
 
 
 def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
@@ -250,24 +218,25 @@ def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
 # --- what has to hold all over a box ---------------------------------------------------------------
 
 
-def inequalities(p: Problem, modes: Modes, box: Box) -> float:
-    """The least that an inequality of the modes leaves, relative to the forces that act. Raises `NotShown`."""
+def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Mask]]:
+    """By how much every inequality is kept all over a box [N], (..., k) of k contacts, actuators or joints.
+
+    With the name of what it is about, what is wrong where it is negative, and (k,) to which of them it applies.
+    """
     g, T = p.grasp, p.grasp.contact_rows
-    d, d_off = box.d[T], box.d_off[T] + 8 * ULP * np.abs(box.d[T])
-    c, c_off = box.phi[T], box.phi_off[T] + 8 * ULP * np.abs(box.phi[T])
+    d, d_off = box.d[..., T], box.d_off[T] + 8 * ULP * np.abs(box.d[..., T])
+    c, c_off = box.phi[..., T], box.phi_off[T] + 8 * ULP * np.abs(box.phi[..., T])
     _, _, actuators, _, joints = g.parts
     length = lambda x: np.sqrt((x * x).sum(axis=-1)) * (1 + 8 * ULP)  # noqa: E731
-    slides = length(d[:, 1:]) * (1 - 32 * ULP) - length(d_off[:, 1:])
-    gap = g.gaps + p.cos * (d[:, 0] - d_off[:, 0]) + p.sin * np.maximum(slides, 0.0)
-    gap = gap - np.where(g.gaps != 0, 16 * ULP * (np.abs(g.gaps) + np.abs(d[:, 0])), 0.0)
-    presses = c[:, 0] - c_off[:, 0]
-    inside = g.mu * presses * (1 - 8 * ULP) - length(c[:, 1:]) - length(c_off[:, 1:])
-    cone = ((modes.contact == Contact.STICKS) | (modes.contact == Contact.RUBS)) & (
-        g.mu > 0
-    )  # that of LEANS is kept by its ratio
-    below = p.force_limit - c[:, 0] - np.where(modes.closed, c_off[:, 0], 0.0)
+    slides = length(d[..., 1:]) * (1 - 32 * ULP) - length(d_off[..., 1:])
+    gap = g.gaps + p.cos * (d[..., 0] - d_off[..., 0]) + p.sin * np.maximum(slides, 0.0)
+    gap = gap - np.where(g.gaps != 0, 16 * ULP * (np.abs(g.gaps) + np.abs(d[..., 0])), 0.0)
+    presses = c[..., 0] - c_off[..., 0]
+    inside = g.mu * presses * (1 - 8 * ULP) - length(c[..., 1:]) - length(c_off[..., 1:])
+    rubs = ((modes.contact == Contact.STICKS) | (modes.contact == Contact.RUBS)) & (g.mu > 0)  # LEANS is by its ratio
+    below = p.force_limit - c[..., 0] - np.where(modes.closed, c_off[..., 0], 0.0)
     arms = p.grasp.row_units
-    f, t = box.phi[actuators], box.d[actuators] * sense(p)
+    f, t = box.phi[..., actuators], box.d[..., actuators] * sense(p)
     f_off = box.phi_off[actuators] + 4 * ULP * np.abs(f)
     beyond = sense(p) * (f - p.command) - (f_off + 4 * ULP * np.abs(p.command)) * (f != p.command)
     turns = t - box.d_off[actuators]
@@ -275,7 +244,7 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
     commanded = (g.command != 0) | g.tendon
     limited = p.limit - np.abs(f) - np.where(np.abs(f) == p.limit, box.phi_off[actuators], f_off)
     lo, hi = reaction_ends(g)
-    rho, rho_off, q, q_off = box.phi[joints], box.phi_off[joints], box.d[joints], box.d_off[joints]
+    rho, rho_off, q, q_off = box.phi[..., joints], box.phi_off[joints], box.d[..., joints], box.d_off[joints]
     at_rest = (modes.joint == Part.RESTS) | (modes.joint == Part.LOW) | (modes.joint == Part.HIGH)
     carries = np.minimum(np.where(rho == lo, 0.0, rho - lo), np.where(rho == hi, 0.0, hi - rho)) - rho_off
     side, way = np.sign(g.stops_left), np.abs(g.stops_left)
@@ -283,10 +252,10 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
     leans = side * rho - g.friction - rho_off - 4 * ULP * (np.abs(rho) + g.friction)
     went = (side != 0) & (modes.joint != Part.BACK)
     kind, unit_f, unit_t = modes.contact, arms[actuators], 1.0 / arms[actuators]
-    all_of = (
+    return [
         ("contact {}", "is not proved to be open", gap, kind == Contact.OPEN),
         ("contact {}", "is not proved to press", presses, modes.closed),
-        ("contact {}", "is not proved to be inside its friction cone", inside, cone),
+        ("contact {}", "is not proved to be inside its friction cone", inside, rubs),
         ("contact {}", "is not proved to keep the force limit", below, modes.closed & ~modes.full),
         ("actuator {}", "is not proved to carry its command", beyond * unit_f, commanded & ~g.backdrivable),
         ("actuator {}", "is not proved to move in its sense", turns * unit_t, modes.actuator == Part.MOVES),
@@ -296,17 +265,21 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
         ("joint {}", "is not proved to open", (-q - q_off) / arms[joints], modes.joint == Part.OPENS),
         ("joint {}", "is not proved to stay off its stop", beyond_stop / arms[joints], went),
         ("joint {}", "is not proved to lean on its stop", leans * arms[joints], modes.joint == Part.BACK),
-    )
+    ]
+
+
+def inequalities(p: Problem, modes: Modes, box: Box) -> float:
+    """The least that an inequality of the modes leaves, relative to the forces that act. Raises `NotShown`."""
     least = np.inf
-    for name, fault, value, applies in all_of:
-        value = np.where(applies, value, np.inf)
+    act = max(p.scale, float(np.abs(box.phi[p.grasp.contact_rows]).max(initial=0.0)))
+    for name, fault, every, applies in slacks(p, modes, box):
+        value = np.where(applies, every, np.inf)
         k = int(np.argmin(value)) if len(value) else 0
         if len(value) and not value[k] >= 0:
-            part = name.format(k)
-            act = max(p.scale, float(np.abs(c).max()))
-            raise NotShown(f"{_said(g, name, k)} {fault}: {value[k]:.2e} N", part, rounding=value[k] > -NEAR * act)
+            reason = f"{_said(p.grasp, name, k)} {fault}: {value[k]:.2e} N"
+            raise NotShown(reason, name.format(k), rounding=value[k] > -NEAR * act)
         least = min(least, float(value.min(initial=np.inf)))
-    return least / max(p.scale, float(np.abs(c).max(initial=0.0)))
+    return least / act
 
 
 def _said(g: GraspData, name: str, k: int) -> str:

@@ -251,6 +251,11 @@ class GraspData:
         return self.exact_motion + [[fmpq(0)] * 6 + rationals(row) for row in own]
 
     @cached_property
+    def exact_table(self) -> Array:
+        """(N + 1, 6 + l) the same as an array."""
+        return np.array(self.exact_rows, dtype=object)
+
+    @cached_property
     def exact_matrix(self) -> fmpq_mat:
         """(N, 6 + l) the same as a matrix, without the last row."""
         return fmpq_mat(self.exact_rows[:-1])

@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from handfast.proofs.fields import Array, Integers, rational, rationals
-from handfast.proofs.states import ULP, Contact, Laws, Modes, Part, Problem, Rows, State
+from handfast.proofs.fields import Array, Integers, rational
+from handfast.proofs.states import ULP, Contact, Laws, Modes, Numbers, Part, Problem, Rows, State
 
 ROUNDS = 5  # for a box
 BITS = 320  # of balls, see `balls`
@@ -50,19 +50,16 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class System:
-    """The equations in some modes, linearised at the floats x0; n unknowns, k equations.
+class ModeEquations:
+    """F(x) = 0 in some modes: (1) and (2), motions that are held, normal forces at their limit.
+
+    Over floats, balls or rational numbers: M is `GraspData.rows` in these, `number` makes them of floats.
 
     Attributes:
         p, modes: the problem and the modes.
-        rows: the laws. kept: held rows that the others follow from. full: (n,) of `laws`, whose force is the limit.
-        v, phi: (6 + l,), (N + 1,) motions and forces; those of the contacts follow from v.
-        sought: (6 + l,) what a unit of magnitude adds to (1) and (2); 0 if the magnitude is no unknown.
-        d, d_off, phi_off: motions (N + 1,), and what rounding leaves open of motions and forces.
-        laws: forces of the contacts. K_off: (n,) what rounding leaves open of their derivatives.
-        value, value_off: (k,) what the equations miss at x0. A, A_size: (k, n) derivatives. units: (k,) for scaling.
-        used: (k,) which equations these are; others follow from them, exactly.
-        residual: the largest of all equations and laws, relative to the scale of the load.
+        rows: the laws. kept: held rows that the others follow from. full: of the contacts that press, at the limit.
+        printed: (N + 1,) forces as they are in the file.
+        sought: is the magnitude an unknown?
     """
 
     p: Problem
@@ -70,9 +67,74 @@ class System:
     rows: Rows
     kept: Integers
     full: Integers
+    printed: Array
+    sought: bool
+
+    @classmethod
+    def of(cls, p: Problem, modes: Modes, x: State, sought: bool) -> ModeEquations:
+        """`NotShown` where held rows follow from each other but for rounding."""
+        rows = Rows.of(p, modes)
+        kept = independent(p, np.flatnonzero(rows.held), rows)
+        if kept is None:
+            raise NotShown("what is held at rest is dependent but for rounding", between(modes))
+        return cls(p, modes, rows, kept, np.flatnonzero(modes.full[modes.closed]), x.forces(p.grasp), sought)
+
+    @cached_property
+    def unknown(self) -> Integers:
+        """Rows whose forces are unknowns."""
+        return np.flatnonzero(self.rows.unknown)
+
+    def at(
+        self, M: Array, x: Array, number: Numbers = np.array, smooth: bool = True
+    ) -> tuple[Array, Array, Laws, Array]:
+        """Motions d and forces phi (N + 1,), the contacts' laws, and what is missed (k,) at unknowns x (n,).
+
+        smooth: as of `Laws.of`.
+        """
+        p, g, nv = self.p, self.p.grasp, M.shape[1]
+        d, phi, magnitude = M @ x[:nv], number(self.rows.given), x[-1] if self.sought else number(p.magnitude)
+        laws = Laws.of(p, self.modes, d, self.printed, number, smooth)
+        phi[laws.rows] += laws.force
+        phi[self.unknown] = x[nv : nv + len(self.unknown)]
+        phi[-1] = number(0.0)
+        load = number(np.r_[p.wrench, g.torque])
+        if p.along is not None:
+            load[:6] += magnitude * number(p.along)
+        at = self.rows.exact if M.dtype == object else self.rows.at
+        above = laws.force[self.full, 0] - number(p.force_limit) if len(self.full) else laws.force[:0, 0]
+        return d, phi, laws, np.concatenate([M.T @ phi + load, (d - at)[self.kept], above])
+
+    def derivative(self, M: Array, K: Array, along: Array) -> Array:
+        """(k, n) of what is missed by the unknowns, with K (c, 4, 4) of the contacts' laws; along: (6,)."""
+        B, nv, n = M[self.p.grasp.contact_rows[self.modes.closed]], M.shape[1], len(self.unknown)
+        KB = K @ B
+        A = np.zeros((nv + len(self.kept) + len(self.full), nv + n + self.sought), dtype=M.dtype)
+        A[:nv, :nv] = B.reshape(-1, nv).T @ KB.reshape(-1, nv)
+        A[:nv, nv : nv + n] = M[self.unknown].T
+        if self.sought:
+            A[:6, -1] = along
+        A[nv : nv + len(self.kept), :nv] = M[self.kept]
+        A[nv + len(self.kept) :, :nv] = KB[self.full, 0]
+        return A
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The equations in some modes, linearised at the floats x0; n unknowns, k equations.
+
+    Attributes:
+        of_modes: the equations.
+        v, phi: (6 + l,), (N + 1,) motions and forces; those of the contacts follow from v.
+        d, d_off, phi_off: motions (N + 1,), and what rounding leaves open of motions and forces.
+        laws: forces of the contacts. K_off: (n,) what rounding leaves open of their derivatives.
+        value, value_off: (k,) what the equations miss at x0. A, A_size: (k, n) derivatives. units: (k,) for scaling.
+        used: (k,) which equations these are; others follow from them, exactly.
+        residual: the largest of all equations and laws, relative to the scale of the load.
+    """
+
+    of_modes: ModeEquations
     v: Array
     phi: Array
-    sought: Array
     d: Array
     d_off: Array
     phi_off: Array
@@ -89,11 +151,11 @@ class System:
     @classmethod
     def of(cls, p: Problem, modes: Modes, x: State, free: bool) -> System:
         """free: is the magnitude an unknown, if there is one? Raises `NotShown`."""
-        g, (M, size), v = p.grasp, p.grasp.rows, x.motion
-        unit = rounding(p)
-        d, d_off = M @ v, unit * (size @ np.abs(v))
-        printed = x.forces(g)
-        rows, laws = Rows.of(p, modes), Laws.of(p, modes, d, printed)
+        e = ModeEquations.of(p, modes, x, free and p.along is not None and bool(p.along.any()))
+        g, (M, size), v, rows, unit = p.grasp, p.grasp.rows, x.motion, e.rows, rounding(p)
+        start = np.concatenate([v, e.printed[e.unknown], [p.magnitude] * e.sought])
+        d, phi, laws, value = e.at(M, start)
+        d_off = unit * (size @ np.abs(v))
         off = d_off[laws.rows]
         change = laws.change(p, np.sqrt((off**2).sum(axis=1)))
         if not np.isfinite(change).all():
@@ -104,51 +166,36 @@ class System:
         K_off = change + 32 * ULP * (1.0 + laws.rub * (1.0 + steep))
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
         force_off += laws.rounding(p, d)[:, None]
-        phi, phi_off = rows.given.copy(), np.zeros(len(rows.given))
-        phi[laws.rows] += laws.force
+        phi_off = np.zeros(len(phi))
         phi_off[laws.rows] += force_off
-        phi[rows.unknown] = printed[rows.unknown]
-        phi_off[rows.unknown] = 0.0
-        phi[-1] = phi_off[-1] = 0.0
+        phi_off[e.unknown] = phi_off[-1] = 0.0
 
         along = np.zeros(6) if p.along is None else p.along
-        load = np.r_[p.load, g.torque]
         load_size = np.abs(np.r_[np.abs(p.wrench) + np.abs(p.magnitude * along), g.torque])
-        sought = np.r_[along, np.zeros(g.l)] * free
-        missing = M.T @ phi + load
         missing_off = unit * (size.T @ np.abs(phi) + load_size) + size.T @ phi_off
-        held = np.flatnonzero(rows.held)
-        kept = independent(p, held, rows)
-        if kept is None:
-            raise NotShown("what is held at rest is dependent but for rounding", between(modes))
-        full = np.flatnonzero(modes.full[modes.closed])
-        above = laws.force[full, 0] - p.force_limit
-        value = np.r_[missing, (d - rows.at)[kept], above]
         at_off = d_off + 4 * ULP * np.abs(rows.at)
-        value_off = np.r_[missing_off, at_off[kept], force_off[full, 0] + 4 * ULP * np.abs(above)]
-        units = np.r_[p.grasp.column_units, 1.0 / p.grasp.row_units[kept], np.ones(len(full))]
-        A, A_size = _derivative(p, rows, kept, full, laws, sought)
-        gap = (phi - printed) * p.grasp.row_units
-        residual = (
-            max(np.abs(x).max(initial=0.0) for x in (value * units, (d - rows.at)[held] / p.grasp.row_units[held], gap))
-            / p.scale
-        )
-        args = (
-            d,
-            d_off,
-            phi_off,
-            laws,
-            K_off,
-            value,
-            value_off,
-            A,
-            A_size,
-            units,
-            np.arange(len(value)),
-            float(residual),
-        )
-        system = cls(p, modes, rows, kept, full, v, phi, sought, *args)
+        above_off = force_off[e.full, 0] + 4 * ULP * np.abs(value[len(v) + len(e.kept) :])
+        value_off = np.r_[missing_off, at_off[e.kept], above_off]
+        units = np.r_[g.column_units, 1.0 / g.row_units[e.kept], np.ones(len(e.full))]
+        A, A_size = e.derivative(M, laws.K, along), e.derivative(size, np.abs(laws.K), np.abs(along))
+        missed = value * units, (d - rows.at)[rows.held] / g.row_units[rows.held], (phi - e.printed) * g.row_units
+        residual = float(max(np.abs(x).max(initial=0.0) for x in missed) / p.scale)
+        bounds = value, value_off, A, A_size, units, np.arange(len(value)), residual
+        system = cls(e, v, phi, d, d_off, phi_off, laws, K_off, *bounds)
         return system if system.regular else system._without_dependent()
+
+    @property
+    def p(self) -> Problem:
+        return self.of_modes.p
+
+    @property
+    def modes(self) -> Modes:
+        return self.of_modes.modes
+
+    @property
+    def sought(self) -> bool:
+        """Is the magnitude an unknown?"""
+        return self.of_modes.sought
 
     @property
     def regular(self) -> bool:
@@ -166,7 +213,7 @@ class System:
     def _without_dependent(self) -> System:
         """Without equations that others follow from, if they do so exactly; else as it is."""
         scaled = self.units[:, None] * self.A * self.columns
-        exact = exact_equations(self)
+        exact = self._exact()
         order = sorted(range(len(exact)), key=lambda i: exact[i] is not None)  # what is not linear first
         chosen = greedy(scaled[order] / np.maximum(np.linalg.norm(scaled[order], axis=1, keepdims=True), 1e-300))
         used = np.sort(np.array(order, dtype=np.int64)[chosen])
@@ -177,13 +224,24 @@ class System:
         parts = {name: getattr(self, name)[used] for name in ("value", "value_off", "A", "A_size", "units")}
         return replace(self, **parts, used=used)
 
+    def _exact(self) -> list[list[fmpq] | None]:
+        """(k, n + 1) derivatives and what is missed of the equations that are linear, exactly; None for the others."""
+        e, p, M = self.of_modes, self.p, self.p.grasp.exact_table
+        number: Numbers = np.frompyfunc(rational, 1, 1)
+        start = np.concatenate([self.v, self.phi[e.unknown], [p.magnitude] * self.sought])
+        _, _, laws, value = e.at(M, number(start), number, smooth=False)
+        A = e.derivative(M, laws.K, number(np.zeros(6) if p.along is None else p.along))
+        turns = np.isfinite(self.laws.speed)
+        curved = np.concatenate([(M[self.laws.rows[turns].ravel()] != 0).any(axis=0), e.kept < 0, turns[e.full]])
+        return [None if some else [*row, y] for some, row, y in zip(curved, A.tolist(), value, strict=True)]
+
     @cached_property
     def columns(self) -> Array:
         """(n,) that scale the unknowns."""
         g = self.p.grasp
-        parts = [g.column_units, 1.0 / g.row_units[self.rows.unknown]]
-        if self.sought.any():
-            parts.append(1.0 / np.abs(self.sought * g.column_units).max(keepdims=True))
+        parts = [g.column_units, 1.0 / g.row_units[self.of_modes.unknown]]
+        if self.sought and self.p.along is not None:
+            parts.append(1.0 / np.abs(self.p.along * g.column_units[:6]).max(keepdims=True))
         return np.concatenate(parts)
 
     @cached_property
@@ -211,15 +269,15 @@ class System:
 
     def box(self) -> Box:
         """A box about x0 in which an exact solution is. Raises `NotShown`."""
-        p, laws, (M, size), nv = self.p, self.laws, self.p.grasp.rows, len(self.v)
-        unit, unknown = rounding(p), self.rows.unknown
+        p, e, laws, (M, size), nv = self.p, self.of_modes, self.laws, self.p.grasp.rows, len(self.v)
+        unit = rounding(p)
         value = np.abs(self.value) + self.value_off
         C = self.inverse if value.any() else np.zeros(self.A.T.shape)
         Cv = np.abs(C[:nv])
         moved = np.abs(M @ C[:nv]) + unit * (size @ Cv)
-        turned, spread = moved[laws.rows].sum(axis=1), np.zeros((nv + len(self.kept), len(laws.rows)))
+        turned, spread = moved[laws.rows].sum(axis=1), np.zeros((nv + len(e.kept), len(laws.rows)))
         spread[:nv] = size[laws.rows].sum(axis=1).T
-        spread = np.concatenate([spread, np.eye(len(laws.rows))[self.full]])[self.used]
+        spread = np.concatenate([spread, np.eye(len(laws.rows))[e.full]])[self.used]
         error = np.abs(self.A @ C - np.eye(len(value))) + unit * (self.A_size @ np.abs(C))
         radius = value * (1 + 1e-6)
 
@@ -243,11 +301,11 @@ class System:
         rounded = laws.rounding(p, self.d)
         phi_off[laws.rows] = _times(np.abs(laws.K), off) + (change * off.sum(axis=1) + rounded)[:, None]
         away = np.abs(C[nv:]) @ radius
-        phi_off[unknown] = away[: unknown.sum()]
-        s_off = float(away[-1]) if self.sought.any() else 0.0
+        phi_off[e.unknown] = away[: len(e.unknown)]
+        s_off = float(away[-1]) if self.sought else 0.0
         phi_off[-1] = 0.0
-        held = self.rows.held
-        at, at_off = self.rows.at, 2 * ULP * np.abs(self.rows.at)
+        held, at = e.rows.held, e.rows.at
+        at_off = 2 * ULP * np.abs(at)
         d, d_off = np.where(held, at, self.d), np.where(held, at_off, d_off)
         return Box(self.v, Cv @ radius, d, d_off, self.phi, phi_off, p.magnitude, s_off)
 
@@ -274,27 +332,6 @@ def _times(K: Array, x: Array) -> Array:
     return out
 
 
-def _derivative(
-    p: Problem, rows: Rows, kept: Integers, full: Integers, laws: Laws, sought: Array
-) -> tuple[Array, Array]:
-    """(k, n) derivatives of (1), (2), held rows and normal forces at their limit; and what bounds their rounding."""
-    has = bool(sought.any())
-    nv, n = len(sought), int(rows.unknown.sum())
-    out = []
-    for M, K, more in zip(p.grasp.rows, (laws.K, np.abs(laws.K)), (sought, np.abs(sought)), strict=True):
-        B = M[laws.rows]
-        KB = K @ B
-        A = np.zeros((nv + len(kept) + len(full), nv + n + has))
-        A[:nv, :nv] = B.reshape(-1, nv).T @ KB.reshape(-1, nv)
-        A[:nv, nv : nv + n] = M[rows.unknown].T
-        if has:
-            A[:nv, -1] = more
-        A[nv : nv + len(kept), :nv] = M[kept]
-        A[nv + len(kept) :, :nv] = KB[full, 0]
-        out.append(A)
-    return out[0], out[1]
-
-
 # --- held rows that depend on each other -----------------------------------------------------------
 
 
@@ -313,7 +350,7 @@ def _independent(p: Problem, held: Integers, rows: Rows) -> Integers | None:
     if len(H) <= H.shape[1] and np.abs(np.diag(np.linalg.qr(H.T)[1])).min() > DEPENDENT:
         return held
     chosen = greedy(H)
-    exact = [[*p.grasp.exact_rows[k], rows.exact.get(k, fmpq(0))] for k in held.tolist()]
+    exact = [[*p.grasp.exact_rows[k], fmpq(rows.exact[k])] for k in held.tolist()]
     return held[chosen] if rank_of(exact) == len(chosen) else None
 
 
@@ -332,42 +369,3 @@ def greedy(rows: Array) -> Integers:
 def rank_of(rows: Sequence[Sequence[fmpq] | None]) -> int:
     """Of rows of rational numbers, exactly."""
     return int(fmpq_mat([row for row in rows if row is not None]).numer_denom()[0].rank()) if rows else 0
-
-
-def exact_equations(s: System) -> list[list[fmpq] | None]:
-    """(k, n + 1) coefficients and constants of the equations that are linear, exactly; None for the others."""
-    p, M, nv = s.p, s.p.grasp.exact_rows, len(s.v)
-    unknown, has = np.flatnonzero(s.rows.unknown).tolist(), int(p.along is not None)
-    n = nv + len(unknown) + has + 1
-    zero, magnitude = fmpq(0), rational(p.magnitude)
-
-    def affine(motions: Sequence[fmpq] = (), by_magnitude: fmpq = zero, constant: fmpq = zero) -> list[fmpq]:
-        row = [*(motions or [zero] * nv), *[zero] * (n - nv)]
-        row[-1] = constant if has else constant + magnitude * by_magnitude
-        if has:
-            row[-2] = by_magnitude
-        return row
-
-    forces: list[list[fmpq] | None]
-    forces = [affine(constant=x) for x in rationals(s.rows.given)]
-    for rows, speed, lean in zip(s.laws.rows.tolist(), s.laws.speed, s.laws.lean, strict=True):
-        for k, share in zip(rows, [1.0, *lean], strict=True):
-            slope = -rational(p.cos) * rational(share)
-            pressed = -rational(p.grasp.gaps[rows[0] // 3]) * rational(share)
-            forces[k] = affine([slope * x for x in M[rows[0]]], constant=pressed) if np.isinf(speed) else None
-    forces[-1] = affine()
-    for i, k in enumerate(unknown):
-        forces[k] = [fmpq(int(j == nv + i)) for j in range(n)]
-    along = rationals(np.zeros(6) if p.along is None else p.along) + [zero] * p.grasp.l
-    out: list[list[fmpq] | None] = []
-    for a, load in enumerate(rationals(np.concatenate([p.wrench, p.grasp.torque]))):
-        parts = [(M[k][a], forces[k]) for k in range(len(M)) if M[k][a] != 0]
-        total: list[fmpq] | None = affine((), along[a], load)
-        for x, force in parts:
-            total = None if total is None or force is None else [t + x * y for t, y in zip(total, force, strict=True)]
-        out.append(total)
-    out += [affine(M[k], constant=-s.rows.exact.get(k, zero)) for k in s.kept.tolist()]
-    for i in s.full:
-        force = forces[s.laws.rows[i, 0]]
-        out.append(None if force is None else [*force[:-1], force[-1] - rational(p.force_limit)])
-    return out

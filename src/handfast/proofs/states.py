@@ -18,11 +18,12 @@ closed contact is unknown and nothing is held. Symbols and signs are those of th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from math import hypot
+from typing import Any
 
 import numpy as np
 from flint import fmpq
@@ -32,6 +33,8 @@ from handfast.proofs.grasp import STOPS, GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.step_start import ALIKE, StartData
 from handfast.proofs.tolerance import load_scale
+
+Numbers = Callable[[Any], Any]  # from floats to arrays of floats, balls or rational numbers
 
 ULP = 2.0**-53
 NO_ROW = np.zeros(1)
@@ -217,14 +220,14 @@ def reaction_ends(g: GraspData) -> tuple[Array, Array]:
 class Rows:
     """The laws of all rows in some modes, (N + 1,) each: held, unknown, given forces.
 
-    at: the motions of those that are held: 0 but for what had come away before a step, by row in `exact` as rationals.
+    at: the motions of those that are held: 0 but for what had come away before a step; exact: as rational numbers.
     """
 
     held: Mask
     unknown: Mask
     given: Array
     at: Array
-    exact: Mapping[int, fmpq]
+    exact: Array
 
     @classmethod
     def of(cls, p: Problem, modes: Modes) -> Rows:
@@ -251,10 +254,9 @@ class Rows:
         low, high = (k == Part.MOVES) | (k == Part.LOW), (k == Part.OPENS) | (k == Part.HIGH)
         given[joints] = np.where(low, lo, np.where(high, hi, 0.0))
         held[-1] = unknown[-1] = False
-        at, exact = np.zeros(n), {}
-        if g.start is not None:
-            exact = _come_back(p, modes)
-            at[list(exact)] = [rounded(x) for x in exact.values()]
+        at, exact = np.zeros(n), np.zeros(n, dtype=object)
+        for row, came in (_come_back(p, modes) if g.start is not None else {}).items():
+            at[row], exact[row] = rounded(came), came
         return cls(held, unknown, given, at, exact)
 
 
@@ -385,31 +387,36 @@ class Laws:
     lean: Array
 
     @classmethod
-    def of(cls, p: Problem, modes: Modes, d: Array, phi: Array) -> Laws:
-        """d, phi: (N + 1,) motions and printed forces, the last 0."""
+    def of(
+        cls, p: Problem, modes: Modes, d: Array, phi: Array, number: Numbers = np.array, smooth: bool = True
+    ) -> Laws:
+        """d, phi: (N + 1,) motions, and printed forces as floats, the last 0.
+
+        number: makes floats what d is made of. smooth: with what is not linear in d; else that is left out.
+        """
         closed = np.flatnonzero(modes.closed)
         rows, kinds = p.grasp.contact_rows[closed], modes.contact[closed]
-        D = d[rows]
-        rub = np.where(kinds == Contact.SLIDES, p.grasp.mu[closed], 0.0)
-        smooth = (rub > 0) | ((kinds != Contact.STICKS) & (p.sin != 0))
-        slides = np.sqrt((D[:, 1:] ** 2).sum(axis=1))
-        length = np.where(smooth, slides, np.inf)
-        u = D[:, 1:] / np.where(smooth & (slides > 0), slides, np.inf)[:, None]
-        normal = -(p.grasp.gaps[closed] + p.cos * D[:, 0] + p.sin * np.where(smooth, slides, 0.0))
-        by_d = np.concatenate([np.full((len(D), 1), -p.cos), -p.sin * u], axis=1)
-        across = np.eye(3) - u[:, :, None] * u[:, None, :]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            turned = (normal / length)[:, None, None] * across
-        K = np.zeros((len(D), 4, 4))
-        K[:, 0], K[:, 1:] = by_d, -rub[:, None, None] * u[:, :, None] * by_d[:, None]
-        K[:, 1:, 1:] -= np.where(rub > 0, rub, 0.0)[:, None, None] * turned
-        lean = np.zeros((len(D), 3))
+        D, n = d[rows], len(closed)
+        rub = np.where((kinds == Contact.SLIDES) & smooth, p.grasp.mu[closed], 0.0)
+        turns = np.flatnonzero((rub > 0) | ((kinds != Contact.STICKS) & (p.sin != 0) & smooth))
+        lean = np.zeros((n, 3))
         for k in np.flatnonzero(kinds == Contact.LEANS):
             c, mu = phi[rows[k]], p.grasp.mu[closed[k]]
             lean[k] = c[1:] / max(c[0], np.sqrt(c[1:] @ c[1:]) / mu) * (1 - 1e-12)
-        K[:, 1:] += lean[:, :, None] * by_d[:, None]
-        force = np.concatenate([normal[:, None], normal[:, None] * (lean - rub[:, None] * u)], axis=1)
-        return cls(rows, force, K, length, rub, lean)
+        cos, sin, gaps, by_speed, leans = (number(x) for x in (p.cos, p.sin, p.grasp.gaps[closed], rub, lean))
+        u, speed, normal = number(np.zeros((n, 3))), np.full(n, np.inf, D.dtype), -(gaps + cos * D[:, 0])
+        if len(turns):
+            speed[turns] = np.sqrt((D[turns, 1:] ** 2).sum(axis=1))
+            u[turns] = D[turns, 1:] / np.where(speed[turns] > 0, speed[turns], np.inf)[:, None]
+            normal[turns] -= sin * speed[turns]
+        by_d = np.concatenate([np.full((n, 1), -cos), -sin * u], axis=1)
+        share = leans - by_speed[:, None] * u
+        K = np.concatenate([by_d[:, None], share[:, :, None] * by_d[:, None]], axis=1)
+        for k in np.flatnonzero(rub > 0):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                turned = by_speed[k] * normal[k] / speed[k]
+                K[k, 1:, 1:] -= turned * (number(np.eye(3)) - u[k, :, None] * u[k, None, :])
+        return cls(rows, np.concatenate([normal[:, None], normal[:, None] * share], axis=1), K, speed, rub, lean)
 
     def rounding(self, p: Problem, d: Array) -> Array:
         """(n,) of the forces at these motions, at most."""
