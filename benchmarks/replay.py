@@ -79,7 +79,8 @@ def parts(certificate: Certificate) -> dict[str, float]:
 def anew(certificate: Certificate) -> checker.Checked:
     """Checked with nothing kept of the grasp."""
     equations._made.cache_clear()
-    certificate.question.grasp.__dict__.pop("exact_motion", None)
+    for name in ("exact_table", "exact_rows"):
+        certificate.question.grasp.__dict__.pop(name, None)
     return checker.verify(certificate)
 
 

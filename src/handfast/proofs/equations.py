@@ -145,7 +145,7 @@ class Equations:
         E, Z = ([rationals(row) for row in A] for A in (self.E, self.Z))
         turning = len(Z) - len(g.soft)
         Z[turning - 1][at.q] = self.given
-        of_contacts = zip([*range(3 * g.m), *range(turning, len(Z))], g.exact_motion, strict=True)
+        of_contacts = zip([*range(3 * g.m), *range(turning, len(Z))], g.exact_rows, strict=False)
         for place, (k, motion) in zip(self.touching, of_contacts, strict=True):
             Z[k][: 6 + g.l] = motion
             for row, x in zip(E, [*motion[:6], *(-y for y in motion[6:])], strict=False):

@@ -7,7 +7,7 @@ positions, axes and contact frames as they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -22,10 +22,7 @@ from handfast.proofs.fields import (
     Fields,
     Integers,
     Mask,
-    cross,
-    dot,
     rational,
-    rationals,
     refuse_unknown,
 )
 from handfast.proofs.step_start import StartData
@@ -34,6 +31,7 @@ MANY = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
 LEAST_LEVER = 1e-7  # [m] of a soft finger, torsion over friction, is above this and below its inverse
 STOPS = "", "lower", "upper", "both"
+Maps = tuple[Array, Array, Array, Array]  # G, J, twist map and twist Jacobian
 NOTHING = 1e-14  # relative: what rounding leaves of a length that is none
 
 
@@ -217,13 +215,15 @@ class GraspData:
         zeros stands for what a contact has not. The same rows, transposed, take the forces that belong to them to (1)
         and (2).
         """
-        out, none = [], np.zeros((1, self.l))
-        for maps, sign, R, A in ((self._maps, -1.0, self.R, self.A), (self.sizes, 1.0, np.abs(self.R), np.abs(self.A))):
-            G, J, twist, turned = maps
-            own = np.vstack([R, A, np.eye(self.l), none])
-            top = np.hstack([np.vstack([G.T, twist.T]), sign * np.vstack([J, turned])])
-            out.append(np.vstack([top, np.hstack([np.zeros((len(own), 6)), own])]))
-        return out[0], out[1]
+        sizes = self._table(self.sizes, np.abs(self.R), np.abs(self.A), np.abs)
+        return self._table(self._maps, self.R, self.A, np.negative), sizes
+
+    def _table(self, maps: Maps, R: Array, A: Array, sign: Callable[[Array], Array]) -> Array:
+        """(N + 1, 6 + l) rows; sign: what becomes of J."""
+        G, J, twist, turned = maps
+        own = np.vstack([R, A, np.eye(self.l, dtype=G.dtype), np.zeros((1, self.l), dtype=G.dtype)])
+        top = np.hstack([np.vstack([G.T, twist.T]), sign(np.vstack([J, turned]))])
+        return np.vstack([top, np.hstack([np.zeros((len(own), 6), dtype=G.dtype), own])])
 
     @cached_property
     def column_units(self) -> Array:
@@ -245,15 +245,16 @@ class GraspData:
         return out
 
     @cached_property
-    def exact_rows(self) -> list[list[fmpq]]:
-        """`rows` as rational numbers."""
-        own = np.vstack([self.R, self.A, np.eye(self.l), np.zeros((1, self.l))])
-        return self.exact_motion + [[fmpq(0)] * 6 + rationals(row) for row in own]
+    def exact_table(self) -> Array:
+        """(N + 1, 6 + l) `rows` as rational numbers."""
+        places = self.positions, self.frames, self.axes, self.origins, self.lever
+        maps = self._built(np.cross, np.subtract, *(exact(x) for x in places))
+        return self._table(maps, exact(self.R), exact(self.A), np.negative)
 
     @cached_property
-    def exact_table(self) -> Array:
-        """(N + 1, 6 + l) the same as an array."""
-        return np.array(self.exact_rows, dtype=object)
+    def exact_rows(self) -> list[list[fmpq]]:
+        """The same as lists."""
+        return self.exact_table.tolist()
 
     @cached_property
     def exact_matrix(self) -> fmpq_mat:
@@ -268,28 +269,28 @@ class GraspData:
     # --- the maps, rounded, and the absolute values behind them
 
     @cached_property
-    def _maps(self) -> tuple[Array, Array, Array, Array]:
-        return self._built(np.cross, self.positions, self.frames, self.axes, self.origins, -1.0)
+    def _maps(self) -> Maps:
+        return self._built(np.cross, np.subtract, self.positions, self.frames, self.axes, self.origins, self.lever)
 
     @cached_property
-    def sizes(self) -> tuple[Array, Array, Array, Array]:
+    def sizes(self) -> Maps:
         """As G, J, twist map and twist Jacobian, sums of absolute values: rounding is at most a few ulp of these."""
-        places = np.abs(self.positions), np.abs(self.frames)
-        return self._built(_crossed, *places, np.abs(self.axes), np.abs(self.origins), 1.0)
+        places = self.positions, self.frames, self.axes, self.origins, self.lever
+        return self._built(_crossed, np.add, *(np.abs(x) for x in places))
 
     def _built(
-        self, product: Any, positions: Array, frames: Array, axes: Array, origins: Array, sign: float
-    ) -> tuple[Array, Array, Array, Array]:
+        self, product: Any, less: Any, positions: Array, frames: Array, axes: Array, origins: Array, lever: Array
+    ) -> Maps:
+        """Of floats or rational numbers. product, less: the cross product and the difference, or bounds of these."""
         m, l, soft = self.m, self.l, self.soft
         columns = frames.transpose(0, 2, 1)  # (m, 3 directions, 3)
         G = np.concatenate([columns, product(positions[:, None], columns)], axis=2).reshape(3 * m, 6).T
-        arm = positions[:, None] + sign * origins[None]
+        arm = less(positions[:, None], origins[None])
         speed = np.where(self.revolute[None, :, None], product(axes[None], arm), axes[None]) * self.moves[..., None]
         J = np.einsum("ikx,ijx->ikj", columns, speed).reshape(3 * m, l)
-        normals = self.lever[soft, None] * columns[soft, 0]
-        twist_map = np.concatenate([np.zeros((3, len(soft))), normals.T])
-        turned = (self.moves & self.revolute)[soft]
-        return G, J, twist_map, np.where(turned, normals @ axes.T, 0.0)
+        normals = lever[soft, None] * columns[soft, 0]
+        twist_map = np.concatenate([np.zeros((3, len(soft)), dtype=G.dtype), normals.T])
+        return G, J, twist_map, (normals @ axes.T) * (self.moves & self.revolute)[soft]
 
     @property
     def G(self) -> Array:
@@ -310,36 +311,6 @@ class GraspData:
     def twist_jacobian(self) -> Array:
         """(s, l) joint motion to the turning about the normal of each soft finger, times its lever [m]."""
         return self._maps[3]
-
-    # --- the maps, exactly
-
-    @cached_property
-    def exact_motion(self) -> list[list[fmpq]]:
-        """3m + s rows over (r, q): relative motions d of (3), then the turning of soft fingers, as rational numbers.
-
-        The columns of the object are G^T, those of the joints -J.
-        """
-        rows, turning = [], []
-        axes = [rationals(axis) for axis in self.axes]
-        for i in range(self.m):
-            p = rationals(self.positions[i])
-            speeds = [self._exact_speed(axes[j], p, i, j) for j in range(self.l)]
-            frame = [rationals(column) for column in self.frames[i].T]
-            rows += [[*n, *cross(p, n), *(-dot(n, speed) for speed in speeds)] for n in frame]
-            if self.lever[i] > 0:
-                normal = [rational(self.lever[i]) * x for x in frame[0]]
-                turns = self.moves[i] & self.revolute
-                joints = [-dot(normal, axis) if turns[j] else fmpq(0) for j, axis in enumerate(axes)]
-                turning.append([fmpq(0)] * 3 + normal + joints)
-        return rows + turning
-
-    def _exact_speed(self, axis: list[fmpq], p: list[fmpq], i: int, j: int) -> list[fmpq]:
-        """(3,) of contact i at p for a unit of joint j."""
-        if not self.moves[i, j]:
-            return [fmpq(0)] * 3
-        if not self.revolute[j]:
-            return axis
-        return cross(axis, [x - y for x, y in zip(p, rationals(self.origins[j]), strict=True)])
 
 
 def read_grasp(data: Any, place: str) -> GraspData:
@@ -481,6 +452,9 @@ def _frame(n: Array) -> Array:
     t1 = np.cross(n, e)
     t1 /= np.linalg.norm(t1)
     return np.column_stack([n, t1, np.cross(n, t1)])
+
+
+exact: Callable[[Array], Any] = np.frompyfunc(rational, 1, 1)
 
 
 def _crossed(a: Array, b: Array) -> Array:
