@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flint import fmpq_mat
@@ -130,23 +132,84 @@ def test_ranks_that_are_known_without_elimination_are_none_too_low(seed, family)
     assert ((exact == most) & (most < alive)).any(axis=0).all() or family == "planar"
 
 
-@pytest.mark.parametrize("family", ["any", "planar", "soft"])
-def test_what_floats_prove_of_rows_by_chance_rational_numbers_prove(family):
-    """Multipliers of any sign and size: a leaf is proved only where some of them cancel every unknown exactly."""
-    count = 0
+def shown(family: str) -> list[tuple[LeafSystems, int]]:
+    """Leaves that floating point proves with multipliers of any sign, rows and columns chosen for rational numbers."""
+    out = []
     for seed in range(8):
         found = systems(seed, family, either=True)
         with np.errstate(all="ignore"):
             margins, _ = found.proved(quick=True)
-        shown = np.flatnonzero(margins > 0)
-        found._choose(shown, 1e-9)
-        for leaf in shown:
+        leaves = np.flatnonzero(margins > 0)
+        assert len(leaves) < np.count_nonzero(found.alive.any(axis=1)) / 2
+        found._choose(leaves, 1e-9)
+        out += [(found, int(leaf)) for leaf in leaves]
+    assert len(out) > 5
+    return out
+
+
+@pytest.mark.parametrize("family", ["any", "planar", "soft"])
+def test_what_floats_prove_of_rows_by_chance_rational_numbers_prove(family):
+    """Multipliers of any sign and size: a leaf is proved only where some of them cancel every unknown exactly."""
+    for found, leaf in shown(family):
+        margin, cap = exact_margin(found, leaf)
+        assert np.isfinite(margin)  # its sign is that of the row which is left over
+        assert cap == np.inf
+
+
+def test_no_multiplier_of_an_inequality_is_negative_in_rational_numbers():
+    refused = []
+    for found, leaf in shown("any"):
+        own = np.arange(found.rows.start[leaf], found.rows.start[leaf + 1])
+        own = own[found.y[own] > 0]
+        ties = np.flatnonzero(found.used_E[leaf] | np.isin(np.arange(len(found.E)), found.equations.solved[0]))
+        columns = found.alive[leaf].copy()
+        columns[found.equations.solved[1]] = True
+        value = found.rows.value[found.which[own]]
+        rows = fmpq_mat(found.equations.exact_rows(value, ties, np.flatnonzero(columns)))
+        both = fmpq_mat([[*row, *(int(i == j) for j in range(rows.nrows()))] for i, row in enumerate(rows.tolist())])
+        last = both.rref()[0].tolist()[-1]  # of rows that are dependent once
+        if any(last[: rows.ncols()]) or not np.any(last[rows.ncols() :][: len(own)]):
+            continue
+        signs = {x > 0 for x in last[rows.ncols() :][: len(own)] if x != 0}
+        found.rows.either[:] = False
+        margin, _ = exact_margin(found, leaf)
+        assert len(signs) == 1 or margin == -np.inf
+        refused.append(len(signs) > 1)
+    assert any(refused)
+
+
+def test_only_motions_and_forces_of_contacts_may_be_left_over():
+    """Where a column is not solved for, what is left in it is known to be small for motions up to a cap, or not."""
+    kinds = set()
+    for found, leaf in shown("any"):
+        basis, columns, reached = found.basis.copy(), found.columns.copy(), found.equations.reached
+        row = int(np.flatnonzero(basis[found.rows.start[leaf] :])[0]) + found.rows.start[leaf]
+        if row >= found.rows.start[leaf + 1]:
+            continue
+        for column in np.flatnonzero(columns[leaf]):
+            found.basis, found.columns = basis.copy(), columns.copy()
+            found.basis[row] = found.columns[leaf, column] = False
             margin, cap = exact_margin(found, leaf)
-            assert np.isfinite(margin)  # its sign is that of the row which is left over
-            assert cap == np.inf
-        assert len(shown) < np.count_nonzero(found.alive.any(axis=1)) / 2
-        count += len(shown)
-    assert count > 5
+            assert margin == -np.inf if not reached[column] else cap < np.inf or margin == -np.inf
+            kinds.add((bool(reached[column]), bool(np.isfinite(margin))))
+        found.basis, found.columns = basis, columns
+    assert {(True, True), (False, False)} <= kinds
+
+
+def test_the_balance_of_energy_may_be_missed_in_rational_numbers_too():
+    """What a balance takes of the margin is in proportion to by how much it may be missed."""
+    changed = []
+    for found, leaf in shown("any"):
+        found.side = replace(found.side, energy=1.0)
+        margin, _ = exact_margin(found, leaf)
+        found.rows = replace(found.rows, energy=~found.rows.energy)
+        less, _ = exact_margin(found, leaf)
+        found.side = replace(found.side, energy=2.0)
+        least, _ = exact_margin(found, leaf)
+        changed.append(less != margin)
+        assert margin - least == pytest.approx(2 * (margin - less), rel=1e-6)
+        found.rows = replace(found.rows, energy=~found.rows.energy)
+    assert np.mean(changed) > 0.5
 
 
 def test_efforts_are_put_in_from_the_balance_of_their_joint():

@@ -18,6 +18,7 @@ from handfast.proofs.rows import (
     LeafRows,
     Row,
     bounds,
+    different,
     directions,
     equalities,
     known,
@@ -350,3 +351,15 @@ def test_unknowns_that_are_zero():
     cases[1, 0, 0], cases[2, 2, 0] = OPEN, LOCKED
     wanted = [[], [*range(at.c.start, at.c.start + 3), at.twist.start], [at.q.start]]
     assert [np.flatnonzero(row).tolist() for row in zeros(q, cases)] == wanted
+
+
+def test_rows_that_are_the_same_stand_once() -> None:
+    rng = np.random.default_rng(3)
+    table = rng.choice([-(2**31), -1, 0, 1, 7, 2**31 - 1], size=(4, 3000))
+    kind, index = np.abs(table[0]) % 31, np.abs(table[1]) % 5
+    rows = LeafRows(kind, index, table[2], table[3], np.arange(3000), np.zeros((0, 2)))
+    once, which = different(rows)
+    every = set(zip(kind.tolist(), index.tolist(), *table[2:].tolist(), strict=True))
+    assert len(once.kind) == len(once.leaf) == len(every)
+    for name in ("kind", "index", "a", "b"):
+        assert (getattr(once, name)[which] == getattr(rows, name)).all()
