@@ -371,3 +371,10 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     assert derivative.nrows() == len(system.value) == 6 + g.l + 1 + 1  # balance, the locked joint, the limit
     floats = [[float(y.mid()) for y in row] for row in derivative.table()]
     np.testing.assert_allclose(floats, system.A, rtol=1e-10, atol=1e-10 * np.abs(system.A).max())
+    exact = system._exact()
+    assert [row is None for row in exact] == [True] * 7 + [False, True]  # all contacts slide: nothing else is linear
+    still = replace(modes, contact=np.full(4, states.Contact.STICKS))
+    system = System.of(p, still, x, False)
+    exact = np.array(system._exact(), dtype=object).astype(float)
+    np.testing.assert_allclose(exact[:, :-1], system.A, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(exact[:, -1], system.value, rtol=1e-12, atol=1e-12)
