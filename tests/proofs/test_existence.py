@@ -12,8 +12,8 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import states
 from handfast.proofs.balls import Balls, refined
-from handfast.proofs.existence import nearby, polished, prove
-from handfast.proofs.newton import BITS, System
+from handfast.proofs.existence import AWAY, _inside, nearby, polished, prove, slacks
+from handfast.proofs.newton import BITS, Box, System
 from handfast.proofs.question import read_question
 from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
@@ -378,3 +378,54 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     exact = np.array(system._exact(), dtype=object).astype(float)
     np.testing.assert_allclose(exact[:, :-1], system.A, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(exact[:, -1], system.value, rtol=1e-12, atol=1e-12)
+
+
+def likeliest(p: Problem, x: State) -> Modes:
+    return modes_of(p.grasp, {name: kinds[0] for name, kinds in choices(p, x).items()})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_inequalities_are_kept_by_as_much_all_over_a_box(family):
+    """At any point of a box they are kept by no less than is said of the box; all kinds of modes, whatever they are."""
+    (p, x), rng = held(*(got := of_family(family))[:2], **got[2]), np.random.default_rng(5)
+    g, none = p.grasp, np.zeros(len(p.grasp.rows[0]))
+    p = replace(p, torque_limit=np.abs(x.f) + 1.0, force_limit=np.abs(x.c).max() + 1.0)
+    modes, d, phi = likeliest(p, x), g.rows[0] @ x.motion, x.forces(g)
+    every = [
+        replace(modes, contact=np.full(g.m, k), joint=np.full(g.l, j)) for k, j in zip(range(6), Part, strict=False)
+    ]
+    for wide in (1e-6, 1e-3, 0.3):
+        d_off, phi_off = wide * (np.abs(d) + p.scale * g.row_units), wide * (np.abs(phi) + p.scale)
+        d_off[-1] = phi_off[-1] = 0.0
+        away = rng.choice([-0.999, -0.5, 0.999], size=(2, 200, len(d)))
+        for tried in every:
+            given = ~states.Rows.of(p, tried).unknown
+            given[: g.parts[2].start] = False  # forces of contacts follow from motions
+            phi_off = np.where(given, 0.0, phi_off)
+            points = Box(x.motion, none, d + away[0] * d_off, none, phi + away[1] * phi_off, none)
+            least = slacks(p, tried, Box(x.motion, none, d, d_off, phi, phi_off))
+            for (name, what, least_of, applies), (_, _, values, _) in zip(least, slacks(p, tried, points), strict=True):
+                assert (least_of <= values)[..., applies].all(), (name, what)
+
+
+@pytest.mark.parametrize("family", ["soft fingers", "plain", "prismatic"])
+def test_a_state_at_the_edge_of_its_modes_is_moved_inside(family):
+    """Friction takes all that it may at one contact that sticks, or 1e-9 N more: others can take some of it."""
+    p, x = held(*(got := of_family(family))[:2], **got[2])
+    modes = likeliest(p, x)
+    rubs = np.isin(modes.contact, (states.Contact.STICKS, states.Contact.RUBS))
+    twist = np.divide(x.torsion, p.grasp.lever, out=np.zeros(p.grasp.m), where=p.grasp.lever > 0)
+    friction = np.sqrt((x.c.reshape(-1, 3)[:, 1:] ** 2).sum(axis=1) + twist**2)
+    i = int(np.flatnonzero(rubs & (friction > 0))[0])
+    mu = p.grasp.mu.copy()
+    mu[i] = friction[i] / x.c[3 * i]
+    edge = replace(p, grasp=replace(p.grasp, mu=mu))
+
+    def kept(y: State) -> float:
+        none = np.zeros(len(p.grasp.rows[0]))
+        box = Box(y.motion, none, edge.grasp.rows[0] @ y.motion, none, y.forces(edge.grasp), none)
+        return float(slacks(edge, modes, box)[2][2][i])
+
+    system = System.of(edge, modes, x, False)
+    assert kept(x) < 1e-12
+    assert kept(_inside(system)) > 0.5 * AWAY * p.scale

@@ -193,7 +193,7 @@ def _inside(s: System) -> State:
 
     act, here = acting(p, State.of(p.grasp, s.v, s.phi)), values(s.d, s.phi)
     least = here < CLOSE * act
-    kept = (values(s.d + step * d, s.phi + step * phi) - here)[:, least].T / step
+    kept = (values(s.d + step * d, s.phi + step * phi)[:, least] - here[least]).T / step
     both = np.vstack([s.units[:, None] * s.A * s.columns, kept])
     short = np.concatenate([-s.units * s.value, AWAY * act - here[least]])
     try:
