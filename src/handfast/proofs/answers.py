@@ -98,8 +98,6 @@ def read_answer(data: Any, place: str = "") -> SavedAnswer:
     certificate = None if proof is None else read_certificate(proof, f.at("certificate"), question)
     of_arcs = tuple(ranges.read_arc(x, question) for x in f.objects("arcs", []))
     of_slips = tuple(read_certificate(x, place, question) for x, place in f.items("slips", []))
-    for name in ("witness", "certificate"):
-        f.take(name, None)
     f.done()
     return SavedAnswer(question, said, witness, certificate, of_arcs, of_slips)
 

@@ -46,8 +46,10 @@ class Fields:
         return tuple(self._left)
 
     def has(self, name: str) -> bool:
-        """Is it there, and not null?"""
-        return self._left.get(name) is not None
+        """Is it there, and not null? Null is as good as left out, and taken."""
+        if self._left.get(name) is None:
+            self._left.pop(name, None)
+        return name in self._left
 
     def take(self, name: str, default: Any = _NEEDED) -> Any:
         """The value as it is."""

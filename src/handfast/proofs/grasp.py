@@ -394,7 +394,6 @@ def _mechanism(f: Fields, joints: Sequence[str]) -> tuple[tuple[str, ...], Array
     """Names, R, A, tendon and backdrivable; a motor for each joint where there is none."""
     l = len(joints)
     if not f.has("mechanism"):
-        f.take("mechanism", None)
         none = np.zeros(l, dtype=bool)
         return tuple(joints), np.eye(l), np.zeros((0, l)), none, none
     mech = f.object("mechanism")

@@ -44,7 +44,6 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     for name in ("checksum", "record"):
         f.take(name)
     none = f.object("none") if f.has("none") else None
-    f.take("none", None)
     f.done()
     refused = ""
     if none is not None and verdict != "none":
@@ -87,8 +86,6 @@ class _Terms:
         self.eta, self.torque_limits = f.number("eta", least=0.0), f.named("torque_limits")
         self.force_limit = f.number("force_limit") if f.has("force_limit") else np.inf
         self.command_limit = f.number("command_limit") if f.has("command_limit") else np.inf
-        for name in ("force_limit", "command_limit"):
-            f.take(name, None)
         f.done()
 
 
@@ -96,7 +93,6 @@ def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | 
     """(6,) [N, N m] by name: wrenches as they are given, or the object's weight. If all are weights, where they act."""
     thing.text("name")
     mass = thing.number("mass", least=0.0) if thing.has("mass") else None
-    thing.take("mass", None)
     centre = thing.numbers("center_of_mass", (3,))
     thing.done()
     out: dict[str, Array] = {}
@@ -116,8 +112,6 @@ def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | 
             along = along / np.abs(along).max()
             force = size * mass * along / np.linalg.norm(along)
             out[name] = np.concatenate([force, np.cross(centre, force)])
-        for rest in ("wrench", "weight"):
-            load.take(rest, None)
         load.done()
     if not out:
         raise BadFile("is empty; at least one load is needed", f.place)

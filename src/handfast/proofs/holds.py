@@ -58,7 +58,6 @@ def read_hold(data: Any, place: str = "") -> SavedHold:
     if not by_name:
         raise BadFile("is empty; at least one load is needed", asked.at("loads"))
     limit = asked.number("command_limit", least=0.0) if asked.has("command_limit") else np.inf
-    asked.take("command_limit", None)
     one = {name: asked.take(name) for name in ("grasp", "eta", "torque_limits", "force_limit")}
     one |= {"goal": TORQUES, "wrench": next(iter(by_name.values())), "driven": asked.take("actuators")}
     asked.done()
@@ -80,12 +79,10 @@ def read_hold(data: Any, place: str = "") -> SavedHold:
 
 def _part(f: Fields, name: str) -> tuple[str, SavedAnswer | None] | None:
     if not f.has(name):
-        f.take(name, None)
         return None
     part = f.object(name)
     load = part.text("load")
     found = answers.read_answer(part.take("result"), part.at("result")) if part.has("result") else None
-    part.take("result", None)
     part.done()
     return load, found
 

@@ -177,7 +177,6 @@ def read_question(data: Any, place: str) -> Question:
         raise BadFile("is 'sum', which is for the goal 'torques'", f.at("objective"))
     wrench = f.numbers("wrench", (6,))
     direction = f.numbers("direction", (6,)) if f.has("direction") else None
-    f.take("direction", None)
     if (direction is not None) != (goal in (SMALLEST_PRELOAD, LARGEST)):
         need = "is needed" if direction is None else "has no meaning"
         raise BadFile(f"{need} where the goal is '{goal}'", f.at("direction"))
@@ -193,7 +192,6 @@ def read_question(data: Any, place: str) -> Question:
         if not value > 0:
             raise BadFile(f"is {value:g}; a limit is positive", f.at(f"torque_limits.{name}"))
     force = f.number("force_limit", least=0.0) if f.has("force_limit") else np.inf
-    f.take("force_limit", None)
     if not force > 0:
         raise BadFile("is 0; a limit is positive", f.at("force_limit"))
     if goal == SMALLEST_PRELOAD and (wrench.any() or limits or force < np.inf):
@@ -209,7 +207,6 @@ def read_question(data: Any, place: str) -> Question:
             right = "it is for the goal 'check', with the dissipation principle"
             raise BadFile(f"has no meaning here; {right}", f.at("from"))
         g = g.with_start(start)
-    f.take("from", None)
     f.done()
     zero = np.zeros(6) if direction is None else direction
     return Question(g, goal, effort == "sum", wrench, zero, eta, mdp, limits, force, driven)

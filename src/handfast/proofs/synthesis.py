@@ -53,9 +53,7 @@ def replay_answer(task: TaskData, f: Fields, resumable: bool) -> Replay:
     for name in ("starts", "unproved", "seed"):
         f.whole(name)
     said, spread = list(f.objects("configurations")), f.number("spread") if f.has("spread") else None
-    f.take("spread", None)
     searched = _Searched(f.object("searched")) if f.has("searched") else None
-    f.take("searched", None)
     f.done()
     fault = _contradiction(verdict, stop, len(said), searched, nodes, resumable)
     missing = [COURSE, NAMES]

@@ -144,7 +144,6 @@ def read_task(data: Any, place: str = "task") -> TaskData:
     f.text("name")
     if f.has("object"):
         f.text("object")
-    f.take("object", None)
     hand = _hand(f.object("hand"))
     links, on_hand, on_object = [], [], []
     for contact in f.objects("contacts"):
