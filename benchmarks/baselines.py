@@ -29,9 +29,7 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.bundled import names
 from handfast.model.grasp import Grasp
-from handfast.papers.baseline import BaselineState
-from handfast.papers.earlier_scheme import turn_scheme
-from handfast.papers.friction_pyramids import pyramid_step
+from handfast.papers.baselines import BaselineState, pyramid_step, turn_scheme
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import check, maximum
 from handfast.stability.problem import model

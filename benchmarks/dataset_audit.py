@@ -48,9 +48,9 @@ from handfast.datasets.published.importing import Importer, Treatment, imported
 from handfast.datasets.published.mapping_file import mapping_for
 from handfast.datasets.published.published_file import sources
 from handfast.datasets.scene_source import SceneSource
-from handfast.geometry.contact_reduction import reduced_contacts
+from handfast.geometry.contact_patch import reduced_contacts
 from handfast.geometry.contacts import grasp_of
-from handfast.measures.chosen_forces import smallest_forces
+from handfast.measures.conic_program import smallest_forces
 from handfast.measures.measuring import measure_columns
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.body import Body

@@ -4,7 +4,7 @@
 
 Random grasps of `grasps.py` with 3, 4 and 5 contacts in turn, of which the first joint of each finger is commanded
 with 0.1 N m, and whose commands some contact forces inside the friction cones balance. Of each: the largest
-wrench that it resists passively in the worst of twelve directions (`handfast.measures.passive`, 1000 nodes each, and
+wrench that it resists passively in the worst of twelve directions (`handfast.measures.catalogue`, 1000 nodes each, and
 5000 where these do not decide it); all classical measures; and that wrench once more with commands at random, between
 a third of 0.1 N m and three times as much, which need not balance. The L infinity volume is of cones of four edges,
 and of 3 and 4 contacts. Writes every twenty grasps and goes on where it was stopped.
@@ -24,9 +24,8 @@ import numpy as np
 from benchmarks.grasps import presses, random_case
 from benchmarks.machine import describe
 from handfast.core.arrays import Array
-from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, Measure
+from handfast.measures.catalogue import CATALOGUE, GAP, KEYS, PASSIVE, Measure, passive_maxima
 from handfast.measures.measuring import measure_columns
-from handfast.measures.passive import GAP, passive_maxima
 from handfast.measures.wrench_space import MOST_SUMS
 from handfast.model.grasp import Grasp
 from handfast.stability.problem.settings import Settings

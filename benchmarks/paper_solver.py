@@ -35,7 +35,7 @@ from handfast.core.branch import BranchAndPrune, BranchState, Split
 from handfast.papers.box_shrinking import Over, PaperSolver, ShrinkingSettings, Statistics, SystemBox
 from handfast.papers.canonical_equations import canonical
 from handfast.papers.canonical_system import Canonical
-from handfast.papers.region_tables import PRINTED_BOXES, PRINTED_TASKS
+from handfast.papers.region_exhibits import PRINTED_BOXES, PRINTED_TASKS
 from handfast.synthesis.task_file import load_task
 
 RESULTS = Path(__file__).parent / "results" / "paper_solver.json"

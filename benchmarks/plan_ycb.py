@@ -36,8 +36,8 @@ from handfast.model.hand import Coupling, Hand
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.planning.plan_grasps import plan
-from handfast.planning.rejection import RejectionReason
 from handfast.planning.results.plan import Plan
+from handfast.planning.search import RejectionReason
 from handfast.stability.problem.loads import Loads
 
 HERE = Path(__file__).parent

@@ -31,8 +31,14 @@ import numpy as np
 from benchmarks.machine import describe
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.papers.planar_grasp import PlanarContact, PlanarGrasp
-from handfast.papers.planar_oracle import PlanarRanges, planar_check, planar_least_motion, planar_ranges
+from handfast.papers.planar_oracle import (
+    PlanarContact,
+    PlanarGrasp,
+    PlanarRanges,
+    planar_check,
+    planar_least_motion,
+    planar_ranges,
+)
 from handfast.proofs.fields import rational, rounded
 from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import Answer

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core import bundled
-from handfast.papers.region_tables import PRINTED_TASKS
+from handfast.papers.region_exhibits import PRINTED_TASKS
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
 

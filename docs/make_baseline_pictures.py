@@ -18,8 +18,7 @@ from make_pictures import beside
 from matplotlib.figure import Figure
 
 from handfast import Contact, Grasp, Verdict, check, load_grasp
-from handfast.papers.earlier_scheme import turn_scheme
-from handfast.papers.friction_pyramids import pyramid_step
+from handfast.papers.baselines import pyramid_step, turn_scheme
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, picture
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.stability.problem.witness import Witness

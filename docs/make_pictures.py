@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from handfast import Settings, check, force_map, load_grasp, sweep
-from handfast.papers.stability_figures import COMMANDS, FORCE_Z, HELD, MOMENT_X, ROBUST, UNHELD, placed
+from handfast.papers.stability_figures import COMMANDS, FORCE_Z, HELD, MOMENT_X, UNHELD, placed
 from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.map_picture import draw_map, draw_sweep
@@ -29,6 +29,7 @@ from handfast.stability.problem.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"
 STEPS = 48  # directions of a map
+ROBUST = float(np.radians(2.5))  # the uncertainty of normals of the paper's maps
 PATIENCE = 20.0  # [s] for a direction; what is open then is drawn hatched
 
 

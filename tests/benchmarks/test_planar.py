@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import planar
 from handfast.core.answer import Verdict
-from handfast.papers.planar_grasp import PlanarContact, PlanarGrasp
+from handfast.papers.planar_oracle import PlanarContact, PlanarGrasp
 
 LIMIT = 10.0  # [s]
 BOUNDED = 36  # a question whose magnitudes begin and end

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.geometry.contact_reduction import distance_to_cone, patches, reduced_contacts, spanning, wrench_edges
+from handfast.geometry.contact_patch import distance_to_cone, patches, reduced_contacts, spanning, wrench_edges
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.shape import Shape

@@ -10,7 +10,7 @@ import pytest
 
 from handfast import Contact, Grasp, GraspJoint, InputError, Mechanism, load_grasp, measure
 from handfast.measures import wrench_space
-from handfast.measures.chosen_forces import largest_wrench, smallest_forces
+from handfast.measures.conic_program import largest_wrench, smallest_forces
 from handfast.measures.internal_forces import (
     LOST,
     SLIDES,

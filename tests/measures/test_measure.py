@@ -11,8 +11,7 @@ import pytest
 
 import handfast
 from handfast import InputError, Settings, load_grasp, measure, measure_columns
-from handfast.measures.catalogue import CATALOGUE, KEYS, RIGID
-from handfast.measures.passive import PassiveMaxima, passive_maxima
+from handfast.measures.catalogue import CATALOGUE, KEYS, RIGID, PassiveMaxima, passive_maxima
 from handfast.model.grasp import Grasp
 from handfast.pictures.measures_picture import draw_measures
 from tests.support.program import ask, complains, run

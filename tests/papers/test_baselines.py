@@ -7,8 +7,7 @@ import pytest
 
 from handfast import InputError, Verdict, check, load_grasp
 from handfast.papers import mixed_integer_solvers
-from handfast.papers.earlier_scheme import turn_scheme
-from handfast.papers.friction_pyramids import lemke, pyramid_step
+from handfast.papers.baselines import lemke, pyramid_step, turn_scheme
 from handfast.stability.problem import model
 from tests.support.problems import nest, pinch, table
 

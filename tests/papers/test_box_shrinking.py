@@ -21,12 +21,10 @@ from handfast.papers.box_shrinking import (
     ShrinkingSettings,
     SystemBox,
     bisect,
-    search,
 )
 from handfast.papers.canonical_equations import canonical, point
 from handfast.papers.canonical_system import Canonical
-from handfast.papers.linear_programs import LinearProgram
-from handfast.papers.polytopes import polytopes
+from handfast.papers.linear_programs import LinearProgram, polytopes
 from handfast.readers.load_hand import load_hand
 from tests.support.exact_programs import exact_below, finger, gripper, touching, wall
 from tests.support.planted import bump, plant
@@ -146,7 +144,7 @@ def test_the_only_solution_of_a_finger_is_found(order):
     height = 0.15
     system = finger(height)
     x = touching(system, height)
-    found = search(system, QUICK, order=order)
+    found = PaperSolver(system, QUICK).search(order)
     discarded = run(found)
     state = found.state
     assert state.pending == 0
@@ -163,7 +161,7 @@ def test_the_only_solution_of_a_finger_is_found(order):
 def test_a_wall_that_is_too_narrow_is_discarded_with_proofs():
     """Half of it between the two places where the tip would touch: the relaxation of the root holds it."""
     system = wall(0.08)
-    found = search(system, QUICK)
+    found = PaperSolver(system, QUICK).search()
     discarded = run(found)
     assert not found.state.finals
     assert found.state.pending == 0
@@ -174,7 +172,7 @@ def test_a_wall_that_is_too_narrow_is_discarded_with_proofs():
 
 def test_both_places_on_a_wider_wall_are_found():
     system = wall(0.12)
-    found = search(system, QUICK)
+    found = PaperSolver(system, QUICK).search()
     run(found)
     y = system.names.index("o[0].y")
     centers = sorted((box.lower[y] + box.upper[y]) / 2 for box in found.state.finals)
@@ -184,7 +182,7 @@ def test_both_places_on_a_wider_wall_are_found():
 
 def test_the_exact_check_refuses_spoiled_evidence():
     system = finger(0.3)
-    (out,) = run(search(system, QUICK))
+    (out,) = run(PaperSolver(system, QUICK).search())
     why = out.evidence
     assert proved(system, why, QUICK.slack)
     spoiled = [
@@ -196,7 +194,7 @@ def test_the_exact_check_refuses_spoiled_evidence():
 
 def test_to_the_letter_all_sides_of_x_are_shrunk_and_split():
     system = finger(0.15)
-    found = search(system, ShrinkingSettings(sigma=0.5, significant=0.5))
+    found = PaperSolver(system, ShrinkingSettings(sigma=0.5, significant=0.5)).search()
     for state in found:
         if state.finals:
             break
@@ -207,14 +205,14 @@ def test_to_the_letter_all_sides_of_x_are_shrunk_and_split():
 
 def test_a_resumed_search_finds_the_same():
     system = wall(0.12)
-    first, parts = search(system, QUICK), []
+    first, parts = PaperSolver(system, QUICK).search(), []
     for stop in (1, 3, 3):  # in the root's passes and after the bisection
         run(first, stop)
         text = json.dumps(first.save())
         first = BranchAndPrune.restored(PaperSolver(system, QUICK), json.loads(text))
         parts.append(first.state.steps)
     run(first)
-    whole = search(system, QUICK)
+    whole = PaperSolver(system, QUICK).search()
     run(whole)
     assert first.save() == whole.save()
     assert parts == [1, 4, 7]
@@ -223,7 +221,7 @@ def test_a_resumed_search_finds_the_same():
 
 def test_statistics():
     system = finger(0.15)
-    found = search(system, QUICK)
+    found = PaperSolver(system, QUICK).search()
     run(found, 3)
     s = found.domain.statistics
     assert s.passes == 3
@@ -239,7 +237,7 @@ def test_statistics():
 def test_a_missing_solver_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "highspy", None)
     with pytest.raises(InputError, match=r"solver: needs the package highspy: pip install 'handfast\[reference\]'"):
-        search(finger(0.15))
+        PaperSolver(finger(0.15))
 
 
 @pytest.mark.parametrize(

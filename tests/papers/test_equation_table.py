@@ -33,7 +33,7 @@ def test_each_numbered_equation_has_a_row() -> None:
 
 def test_each_table_figure_and_method_is_named() -> None:
     commands = re.findall(r"`(?:handfast paper )?([a-z0-9-]+)`", SECTION)
-    made = {e.name for e in EXHIBITS.values() if e.make}
+    made = {e.name for e in EXHIBITS.values() if e.maker}
     assert made <= set(commands)
     assert set(METHODS) <= set(commands)
 

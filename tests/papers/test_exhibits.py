@@ -14,11 +14,10 @@ from scipy.spatial import ConvexHull
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.model.bernstein import evaluate
-from handfast.papers import mixed_integer_solvers, region_figures, stability_figures, stability_tables
-from handfast.papers.exhibit import MakingOptions, TextTable
-from handfast.papers.exhibits import EXHIBITS, make
+from handfast.papers import mixed_integer_solvers, region_exhibits, stability_figures, stability_tables
+from handfast.papers.exhibits import EXHIBITS, MakingOptions, TextTable, make
 from handfast.papers.friction_relaxation import Discretisation
-from handfast.papers.region_tables import PRINTED_TASKS
+from handfast.papers.region_exhibits import PRINTED_TASKS
 from handfast.pictures.drawing import picture
 from handfast.stability.studies.maps import MapAnswer, force_map
 
@@ -50,7 +49,7 @@ def test_every_table_and_figure_of_both_papers_is_listed() -> None:
     stability = [f"fig{k}" for k in range(1, 14)] + ["table1", "table2"]
     regions = [f"regions-fig{k}" for k in range(1, 7)] + [f"regions-table{k}" for k in range(1, 4)]
     assert list(EXHIBITS) == stability + regions
-    sketches = [e for e in EXHIBITS.values() if e.make is None]
+    sketches = [e for e in EXHIBITS.values() if not e.maker]
     assert [e.name for e in sketches] == ["regions-fig2", "regions-fig3", "regions-fig4"]
     for exhibit in sketches:
         with pytest.raises(InputError, match=f"{exhibit.name}: is a sketch without data; see "):
@@ -80,10 +79,10 @@ def test_the_sectors_of_fig3_contain_the_circle_and_the_next_step() -> None:
 
 def test_the_polytopes_of_fig5_contain_their_forms() -> None:
     rng = np.random.default_rng(1)
-    (li, lj), (ui, uj) = region_figures.BOX
+    (li, lj), (ui, uj) = region_exhibits.BOX
     u, v = li + rng.random(50) * (ui - li), lj + rng.random(50) * (uj - lj)
-    bicubic = [float(evaluate(region_figures.BICUBIC[:, :, None], a, b)[0]) for a, b in zip(u, v, strict=True)]
-    axes = region_figures.fig5(COARSE).axes
+    bicubic = [float(evaluate(region_exhibits.BICUBIC[:, :, None], a, b)[0]) for a, b in zip(u, v, strict=True)]
+    axes = region_exhibits.fig5(COARSE).axes
     for ax, points in ((axes[1], np.column_stack([u, v, u * v])), (axes[2], np.column_stack([u, v, bicubic]))):
         corners = np.unique(np.vstack([np.column_stack(line.get_data_3d()) for line in ax.lines]), axis=0)
         sides = ConvexHull(corners).equations

@@ -14,8 +14,14 @@ from handfast import InputError, Verdict, check, load_grasp
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.papers.arrangement import faces
-from handfast.papers.planar_grasp import PlanarContact, PlanarGrasp
-from handfast.papers.planar_oracle import PlanarState, planar_check, planar_least_motion, planar_ranges
+from handfast.papers.planar_oracle import (
+    PlanarContact,
+    PlanarGrasp,
+    PlanarState,
+    planar_check,
+    planar_least_motion,
+    planar_ranges,
+)
 from handfast.papers.rational_simplex import RationalProgram
 from handfast.proofs.fields import rational, rounded
 

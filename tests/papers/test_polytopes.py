@@ -17,8 +17,7 @@ from handfast.papers.box_shrinking import (
     ShrinkingSettings,
 )
 from handfast.papers.canonical_system import Expanded, Patch
-from handfast.papers.linear_programs import DualBound, LinearProgram
-from handfast.papers.polytopes import LinearRows, polytopes
+from handfast.papers.linear_programs import DualBound, LinearProgram, LinearRows, polytopes
 from tests.support.exact_programs import exact, exact_below, finger
 
 STEADY = settings(max_examples=40, deadline=None, derandomize=True)

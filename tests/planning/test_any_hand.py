@@ -27,8 +27,8 @@ from handfast.planning.evaluation.attempt import Attempts, Runner
 from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanOptions, compared, hand_size
-from handfast.planning.rejection import RejectionReason, Tally, diagnosis, fruitless
 from handfast.planning.results.folder import PlanFolder
+from handfast.planning.search import RejectionReason, Tally, diagnosis, fruitless
 from handfast.stability.problem.loads import Loads
 from tests.support.unprepared_hands import jaws, overlapping, wristed
 

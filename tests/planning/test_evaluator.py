@@ -18,7 +18,7 @@ from handfast.model.shape import Shape
 from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandidate
 from handfast.planning.evaluation.steps import Steps
 from handfast.planning.question import Allowed
-from handfast.planning.rejection import RejectionReason
+from handfast.planning.search import RejectionReason
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.search.starts import Certified
 from handfast.synthesis.task import ContactPair, Task

@@ -16,8 +16,7 @@ from handfast.model.hand import Hand
 from handfast.model.hand.anatomy import Anatomy
 from handfast.model.shape import Shape
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.jaw_poses import Pads, antipodal, squeezed
-from handfast.planning.candidates.palm_poses import STANDARD, Start, palm_of
+from handfast.planning.candidates.palm_poses import STANDARD, Pads, Start, antipodal, palm_of, squeezed
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import Attempts, Runner
 from handfast.stability.problem.loads import Loads

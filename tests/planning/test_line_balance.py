@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handfast import InputError, Reach, check, grasp_for, load_body, load_task
-from handfast.planning.evaluation.line_balance import EXACT, LineBalance
+from handfast.planning.evaluation.steps import EXACT, LineBalance
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.search.starts import Starts, Walks
 from handfast.synthesis.solution import Solution, verify_existence

@@ -39,8 +39,8 @@ from handfast.planning.evaluation.attempt import REASONS, Attempts, Runner, sque
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanLimits
 from handfast.planning.ranking import difference, most_different
-from handfast.planning.rejection import RejectionReason
 from handfast.planning.results.plan import Plan
+from handfast.planning.search import RejectionReason
 from handfast.stability.problem.loads import Loads
 
 HAND = load_hand("barrett-bh8-280")

@@ -20,12 +20,12 @@ from handfast.model.body import Body
 from handfast.model.hand_regions import HandRegions
 from handfast.model.shape import Shape
 from handfast.planning.candidates.hand_shapes import HandShapes, _aligned
-from handfast.planning.candidates.places import find_places
 from handfast.planning.candidates.region_candidates import RegionCandidate, find_candidates, region_sets
+from handfast.planning.candidates.surface import find_places
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.propose_tasks import Proposals, propose
-from handfast.planning.rejection import RejectionReason, Tally
+from handfast.planning.search import RejectionReason, Tally
 from handfast.readers.load_body import load_body
 
 BARRETT = load_hand("barrett-bh8-280")

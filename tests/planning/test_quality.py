@@ -17,8 +17,8 @@ from handfast.planning.evaluation.quality import GraspQuality, largest_command
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanOptions
 from handfast.planning.ranking import best_first
-from handfast.planning.rejection import RejectionReason
 from handfast.planning.results.plan import Plan
+from handfast.planning.search import RejectionReason
 from handfast.simulation.bodies import Bodies
 from handfast.stability.problem.loads import Loads
 

@@ -8,9 +8,8 @@ import pytest
 
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
-from handfast.planning.rejection import RejectionReason, Tally, of_verdict
 from handfast.planning.results.folder import SearchFolder
-from handfast.planning.search import Gathering, Journal, UnitResult
+from handfast.planning.search import Gathering, Journal, RejectionReason, Tally, UnitResult, of_verdict
 
 REASONS = RejectionReason.SLIPS, RejectionReason.PENETRATES, RejectionReason.ALIKE
 

@@ -17,7 +17,7 @@ from handfast.model.body import Body
 from handfast.model.shape import Shape
 from handfast.planning.filters.surroundings import Surroundings, Way, WayFinder
 from handfast.planning.plan_grasps import plan
-from handfast.planning.rejection import RejectionReason
+from handfast.planning.search import RejectionReason
 
 GRIPPER = load_hand("parallel-gripper")  # palm from z = 0 to 50 mm, 60 mm wide; jaws to 110 mm, along y
 OPENED, CLOSED = np.zeros(2), np.full(2, 0.015)

@@ -19,7 +19,7 @@ from handfast.model.shape import Shape
 from handfast.simulation.drag_step import STICK, StepProblem, drag_step
 from handfast.simulation.settled import Rest, Settled, verdict_of
 from handfast.simulation.settling import LOADS, GraspInScene, settle
-from handfast.simulation.touch_points import touch_points
+from handfast.simulation.slow_motion import touch_points
 from tests.support.slides import ball_in_groove, block_and_stop, fixture, pinch_of_balls
 
 QUICK = {"judge": False}

@@ -9,7 +9,7 @@ import numpy as np
 from handfast.model.region import Bezier, Cap
 from handfast.papers.canonical_equations import canonical, point
 from handfast.papers.canonical_system import Canonical
-from handfast.papers.polytopes import LinearRows
+from handfast.papers.linear_programs import LinearRows
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.planted import HOME, X, Z, bump, chain, joint, plant, pose
 

@@ -22,9 +22,8 @@ from handfast.core.errors import InputError
 from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.planning.question import Allowed, Requirements, TaskGraspOptions, compared
-from handfast.planning.rejection import Pair, Rejected, RejectionReason, Tally
 from handfast.planning.results.search_file import REASONS
-from handfast.planning.search import Journal
+from handfast.planning.search import Journal, Pair, Rejected, RejectionReason, Tally
 from handfast.proofs.unbalanced import down
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ from handfast.cli.options import (
     write_as,
 )
 from handfast.core.errors import InputError
+from handfast.measures.catalogue import GAP
 from handfast.measures.measuring import MeasuredValue, Measures, measure
-from handfast.measures.passive import GAP
 from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.stability.problem.settings import Settings

@@ -15,8 +15,7 @@ from handfast.cli.options import Assignments, Command, Wrench, assigned, check_w
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.files import write_bytes, write_text
 from handfast.papers.algorithm1 import RefinementSettings
-from handfast.papers.exhibit import Exhibit, MakingOptions, TextTable
-from handfast.papers.exhibits import EXHIBITS, make
+from handfast.papers.exhibits import EXHIBITS, Exhibit, MakingOptions, TextTable, make
 from handfast.papers.mixed_integer_solvers import available
 from handfast.stability.problem.grasp_limits import GraspLimits
 
@@ -131,9 +130,7 @@ class Paper(Command):
         from handfast.papers.methods import METHODS
 
         if self.json:
-            exhibits = {
-                e.name: {"paper": e.paper, "title": e.title, "made": e.make is not None} for e in EXHIBITS.values()
-            }
+            exhibits = {e.name: {"paper": e.paper, "title": e.title, "made": bool(e.maker)} for e in EXHIBITS.values()}
             methods = {name: {"about": m.about.lower(), "title": m.title} for name, m in METHODS.items()}
             console.print_json({"schema": "handfast/paper/1", "exhibits": exhibits, "methods": methods})
             return console.ANSWERED
@@ -148,7 +145,7 @@ class Paper(Command):
     def _exhibit(self) -> int:
         is_table = "table" in self.what
         file = self.output or (None if is_table else Path(f"{self.what}.svg"))
-        if EXHIBITS[self.what].make is not None:
+        if EXHIBITS[self.what].maker:
             check_writable(file, self.force, TABLES if is_table else PICTURES)
         with console.watch(self.what):
             made = make(self.what, self._effort())
@@ -216,7 +213,7 @@ def _option(name: str) -> str:
 
 def _effort(exhibit: Exhibit) -> str:
     """How long it takes; of a sketch, where to look instead."""
-    return f"about {exhibit.seconds} s" if exhibit.make else f"sketch: {exhibit.instead}"
+    return f"about {exhibit.seconds} s" if exhibit.maker else f"sketch: {exhibit.instead}"
 
 
 def _print(out: Console, made: TextTable) -> None:

@@ -1,16 +1,35 @@
-"""The patch on which two convex solids meet: where their supporting vertex, edge or face overlap."""
+"""The patch on which two convex solids meet, and few contacts in place of many of a patch.
+
+Solids meet where their supporting vertex, edge or face overlap. Of a patch of many contacts, those are kept whose
+wrenches span what all of them could apply. It is made of contacts of one link whose normals differ by little. Each
+contact can apply the wrenches of its friction cone, here the cone's edges; those of a contact that is left out should
+lie in the convex cone of the wrenches of those that are kept. The error of leaving it out is the largest distance of
+one of its edges from that cone, relative to the edge's length, with torques about the object's centre of mass divided
+by its radius. A distance is found by non-negative least squares. Eight edges stand for a round cone from within:
+between the edges of one that is left out the distance can be larger by some per cent of itself, beside those of kept
+ones it is smaller.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame
+from handfast.model.body import Body
+from handfast.model.grasp import Contact
 from handfast.model.shape import Shape
 
 FLAT = 1e-4  # [m] what is this near to the outermost plane of a solid belongs to its face
 SAME = 1e-6  # [m]
 CORNERS = 4
+EDGES = 8
+PATCH = np.radians(30)  # normals of one patch differ from its first by no more
+TOLERANCE = 0.05
 
 
 def patch(a: Shape, b: Shape, normal: Array, middle: Array) -> Array:
@@ -92,3 +111,97 @@ def _inside(p: Array, outline: Array) -> bool:
 def _turn(a: Array, b: Array, c: Array) -> float:
     """Twice the signed area of the triangle a, b, c."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+# --- few in place of many ---
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedContacts:
+    """What is left of contacts.
+
+    Attributes:
+        contacts: those that are kept, in their order.
+        before: how many there were.
+        error: the largest relative distance of an edge of a left-out contact's cone from the cone of the kept ones.
+    """
+
+    contacts: tuple[Contact, ...]
+    before: int
+    error: float
+
+
+def reduced_contacts(contacts: Sequence[Contact], body: Body, tolerance: float = TOLERANCE) -> ReducedContacts:
+    """The contacts without those that add no more than `tolerance` to the wrenches of their patch; 0 keeps all."""
+    if not (np.isfinite(tolerance) and 0 <= tolerance < 1):
+        raise InputError(f"is {tolerance}; a number from 0 to below 1 is needed", field="tolerance")
+    if tolerance == 0:
+        return ReducedContacts(tuple(contacts), len(contacts), 0.0)
+    radius = float(np.linalg.norm(body.vertices - body.center_of_mass, axis=1).max())
+    kept: list[int] = []
+    error = 0.0
+    for patch in patches(contacts):
+        edges = [wrench_edges(contacts[i], body.center_of_mass, radius) for i in patch]
+        chosen, worst = spanning(edges, tolerance)
+        kept += [patch[k] for k in chosen]
+        error = max(error, worst)
+    return ReducedContacts(tuple(contacts[i] for i in sorted(kept)), len(contacts), error)
+
+
+def patches(contacts: Sequence[Contact]) -> list[list[int]]:
+    """Contacts of one link whose normals are within `PATCH` of that of the deepest that is left, as indices."""
+    left = sorted(range(len(contacts)), key=lambda i: (contacts[i].link, -contacts[i].depth, i))
+    found = []
+    while left:
+        lead = contacts[left[0]]
+        near = [i for i in left if contacts[i].link == lead.link and contacts[i].normal @ lead.normal >= np.cos(PATCH)]
+        found.append(near)
+        left = [i for i in left if i not in near]
+    return found
+
+
+def wrench_edges(contact: Contact, center: Array, radius: float) -> Array:
+    """(EDGES, 6) unit wrenches along the edges of a contact's friction cone, torques about `center` over `radius`."""
+    n, t1, t2 = contact.frame.T
+    around = 2 * np.pi * np.arange(EDGES) / EDGES
+    forces = n + contact.friction * (np.outer(np.cos(around), t1) + np.outer(np.sin(around), t2))
+    wrenches = np.hstack([forces, np.cross(contact.position - center, forces) / radius])
+    return wrenches / np.linalg.norm(wrenches, axis=1)[:, None]
+
+
+def spanning(edges: Sequence[Array], tolerance: float) -> tuple[list[int], float]:
+    """Which contacts' cones span all the others' to a tolerance, and the error that is left.
+
+    The one alone that misses least, if that is enough; else the outermost first, then always the one that is missed
+    most; at last those that the later ones made superfluous go.
+    """
+    n = len(edges)
+    if n == 1:
+        return [0], 0.0
+    alone = [max(distance_to_cone(e, edges[k]) for i, e in enumerate(edges) if i != k) for k in range(n)]
+    best = int(np.argmin(alone))
+    if alone[best] <= tolerance:
+        return [best], alone[best]
+    chosen = [int(np.argmax(alone))]
+
+    def missed(kept: Sequence[int]) -> Array:
+        cone = np.vstack([edges[k] for k in kept])
+        return np.array([0.0 if i in kept else distance_to_cone(e, cone) for i, e in enumerate(edges)])
+
+    errors = missed(chosen)
+    while errors.max() > tolerance:
+        chosen.append(int(errors.argmax()))
+        errors = missed(chosen)
+    for k in list(chosen[:-1]):
+        fewer = [c for c in chosen if c != k]
+        without = missed(fewer)
+        if without.max() <= tolerance:
+            chosen, errors = fewer, without
+    return sorted(chosen), float(errors.max())
+
+
+def distance_to_cone(wrenches: Array, cone: Array) -> float:
+    """The largest distance of unit wrenches (k, 6) from the convex cone of others (m, 6)."""
+    from scipy.optimize import nnls
+
+    return max(float(nnls(cone.T, w)[1]) for w in wrenches)

@@ -12,7 +12,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked, require_positive
 from handfast.geometry.contact_patch import patch
 from handfast.geometry.grasp_joints import joints_and_mechanism
-from handfast.geometry.scene import PoseLike, Scene, checked_joints, checked_pose
+from handfast.geometry.scene import HandObjectPair, PoseLike, Scene, checked_joints, checked_pose
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
@@ -80,13 +80,7 @@ def find_contacts(
         for n in (n for n in near if n.link == link):
             normal = to_object[:3, :3] @ n.normal
             middle = to_object[:3, :3] @ (n.on_hand + n.on_object) / 2 + to_object[:3, 3]
-            corners = patch(solids[n.shape], body.pieces[n.piece], normal, middle)
-            on_object = corners + n.distance / 2 * normal
-            on_hand = corners - n.distance / 2 * normal
-            out = hidden_points(on_object, -normal, body.pieces, n.piece) | hidden_points(
-                on_hand, normal, solids, n.shape
-            )
-            for p, inside in zip(corners, out, strict=True):
+            for p, inside in zip(*patch_corners(n, solids, body.pieces, normal, middle), strict=True):
                 soft = own[n.shape] if torsion == "hand" else torsion
                 found = Contact(p, normal, mu, hand.links[link].name, -n.distance, soft)
                 (hidden if inside else seen).append(found)
@@ -213,7 +207,21 @@ def _refuse_another(scene: Scene, hand: Hand, body: Body) -> None:
         raise InputError(f"is of the object {scene.body.name}, not of {body.name}", field="scene")
 
 
-def hidden_points(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -> NDArray[np.bool_]:
+def patch_corners(
+    pair: HandObjectPair, solids: Sequence[Shape], pieces: Sequence[Shape], normal: Array, middle: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """(k, 3) [m] corners of the patch on which two solids meet, and (k,) which of them are on no real surface.
+
+    Args:
+        solids, pieces: those of the hand's link and of the object, in one frame.
+        normal, middle: (3,) of the pair in that frame, into the object; midway between the nearest points.
+    """
+    corners, half = patch(solids[pair.shape], pieces[pair.piece], normal, middle), pair.distance / 2 * normal
+    on_object, on_hand = (corners + half, -normal, pieces, pair.piece), (corners - half, normal, solids, pair.shape)
+    return corners, _hidden_points(*on_object) | _hidden_points(*on_hand)
+
+
+def _hidden_points(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -> NDArray[np.bool_]:
     """(k,) whether points on the surface of one solid of a body lie on no real surface of that body.
 
     A point does not if it is inside another of the body's solids; none of the points does if just above

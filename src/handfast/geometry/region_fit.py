@@ -279,13 +279,13 @@ def _lifted(flat: Array, corners: Array) -> tuple[Array, float]:
     Where a point is outside, the nearest face is continued.
     """
     a, b, c = (corners[:, i, :2] for i in range(3))
-    det = _cross(b - a, c - a)
+    det = flat_cross(b - a, c - a)
     keep = det > 1e-12 * det.max()
     a, b, c, det, kept = a[keep], b[keep], c[keep], det[keep], corners[keep]
     height = det / np.max([np.linalg.norm(s, axis=1) for s in (b - a, c - b, a - c)], axis=0)
     points, worst = np.empty((len(flat), 3)), 0.0
     for i, p in enumerate(flat):
-        w = np.column_stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)]) / det[:, None]
+        w = np.column_stack([flat_cross(y - p, z - p) for y, z in ((b, c), (c, a), (a, b))]) / det[:, None]
         short = np.maximum(-w.min(axis=1), 0) * height
         best = int(short.argmin())
         worst = max(worst, float(short[best]))
@@ -293,7 +293,8 @@ def _lifted(flat: Array, corners: Array) -> tuple[Array, float]:
     return points, worst
 
 
-def _cross(a: Array, b: Array) -> Array:
+def flat_cross(a: Array, b: Array) -> Array:
+    """(...) of vectors (..., 2)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 

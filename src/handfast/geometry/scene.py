@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -154,26 +154,27 @@ class Scene:
 
     def _nearest(self, cutoff: float) -> list[HandObjectPair]:
         found = []
-        for i in self._close(self._to_object, cutoff):
-            a, b = (int(g[i]) for g in self._to_object)
-            d, on_hand, on_object = self._pair(a, b, cutoff)
-            if d < cutoff:
-                normal = self._normal(a, b, d, on_hand, on_object)
-                link, piece = int(self.owner[a]), b - len(self.number)
-                found.append(HandObjectPair(link, int(self.number[a]), piece, d, on_hand, on_object, normal))
+        for _, a, b, nearest in self._met(self._to_object, cutoff):
+            found.append(HandObjectPair(int(self.owner[a]), int(self.number[a]), b - len(self.number), *nearest))
         return found
 
     def _self_collisions(self, cutoff: float) -> list[SelfCollisionPair]:
-        found = []
         first, second, pair = self._to_self
-        for i in self._close((first, second), cutoff):
-            a, b = int(first[i]), int(second[i])
+        found = []
+        for i, _, _, nearest in self._met((first, second), cutoff):
+            one, other = self.self_pairs[pair[i]]
+            found.append(SelfCollisionPair(one, other, *nearest))
+        return found
+
+    def _met(
+        self, pairs: tuple[Indices, Indices], cutoff: float
+    ) -> Iterator[tuple[int, int, int, tuple[float, Array, Array, Array]]]:
+        """Pairs of geoms nearer than the cutoff: number, geoms, distance, point on each, normal into the second."""
+        for i in self._close(pairs, cutoff):
+            a, b = int(pairs[0][i]), int(pairs[1][i])
             d, on_first, on_second = self._pair(a, b, cutoff)
             if d < cutoff:
-                normal = self._normal(a, b, d, on_first, on_second)
-                one, other = self.self_pairs[pair[i]]
-                found.append(SelfCollisionPair(one, other, d, on_first, on_second, normal))
-        return found
+                yield i, a, b, (d, on_first, on_second, self._normal(a, b, d, on_first, on_second))
 
     def _link_distances(self, cutoff: float) -> Array:
         out = np.full(len(self.hand.links), cutoff)

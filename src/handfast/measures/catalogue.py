@@ -11,19 +11,83 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, refuse_other_kinds
-from handfast.measures import chosen_forces, energies, wrench_space
+from handfast.measures import conic_program, energies, wrench_space
 from handfast.measures.internal_forces import InternalForces, contact_robustness, grasp_robustness, internal_forces
-from handfast.measures.passive import PassiveMaxima, passive_maxima
 from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_forces, edge_wrenches
 from handfast.measures.wrench_space import LEAST, force_closure
 from handfast.model.grasp import Grasp
+from handfast.stability.problem.scaled_problem import beyond_range
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.batch import max_many
 
 ANY = "presses at will"  # no joint, motor or command is looked at
 MAP = "none, no friction"
 NORMALS = "equal pushes"
 RIGID = "joints, no motors"
 OURS = "joints and commands"
+NODES, GAP = 1000, 1e-2  # of each direction's search: a limit that every machine meets at the same place
+
+
+# --- our own: passive maxima ---
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveMaxima:
+    """The largest resisted wrench in twelve directions (stability paper, (23) to (25)), with the grasp's commands.
+
+    Attributes:
+        names: of the directions, see `WrenchScale.axes`.
+        lower: (12,) [N] shown to be resisted, of a torque divided by the characteristic length; inf if unbounded.
+        upper: (12,) [N] no more is resisted.
+    """
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            values = np.array(getattr(self, name), dtype=float)  # some may be infinite
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Bounds [N] of the smallest of the maxima: shown to be resisted, and at most."""
+        return float(self.lower.min()), float(self.upper.min())
+
+    @property
+    def worst_direction(self) -> str:
+        """The name of the direction with the smallest maximum that is shown."""
+        return self.names[int(np.argmin(self.lower))]
+
+
+def passive_maxima(
+    grasp: Grasp, scale: WrenchScale | None = None, *, settings: Settings | None = None, jobs: int | None = 1
+) -> PassiveMaxima:
+    """Ask `maximum` in the twelve directions of a scale.
+
+    Args:
+        scale: `WrenchScale.of(grasp)` unless given.
+        settings: of each search; unless given, bounds within 1 % are enough and 1000 nodes are the most. An interval
+            between the bounds is left where that does not suffice.
+        jobs: cores to use.
+    """
+    chosen = scale or WrenchScale.of(grasp)
+    names, wrenches = chosen.axes()
+    G = chosen.grasp_map(grasp)
+    possible = np.array([beyond_range(G, u) is None for u in chosen.scaled(wrenches.T).T])
+    asked = settings or Settings(nodes=NODES, gap=GAP, verify=False)
+    lower, upper = np.zeros(len(names)), np.zeros(len(names))
+    if possible.any():
+        found = max_many(grasp, wrenches[possible], settings=asked, jobs=jobs)
+        known = found.error == ""  # all of them, unless Ctrl-C came first
+        lower[possible] = np.where(found.unbounded, np.inf, np.where(known, found.lower, 0.0))
+        upper[possible] = np.where(known & ~found.unbounded, found.upper, np.inf)
+    return PassiveMaxima(names, lower, upper)
+
+
+# --- the list ---
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,14 +170,14 @@ class MeasuredGrasp(MeasureOptions):
     def chosen(self) -> Array:
         """(12,) [N] the largest wrench that chosen forces balance in each of the twelve directions."""
         options = {"force": self.force_limit, "torque_limits": self.torque_limits}
-        found = [chosen_forces.largest_wrench(self.grasp, self.G, u, **options) for u in self.units]  # type: ignore[arg-type]
+        found = [conic_program.largest_wrench(self.grasp, self.G, u, **options) for u in self.units]  # type: ignore[arg-type]
         return np.array(found)
 
     @cached_property
     def least_forces(self) -> float:
         """[N per N] the largest contact force, of the least ones, against the worst of the twelve."""
         limits = self.torque_limits
-        return max(chosen_forces.smallest_forces(self.grasp, self.G, u, torque_limits=limits) for u in self.units)
+        return max(conic_program.smallest_forces(self.grasp, self.G, u, torque_limits=limits) for u in self.units)
 
     @cached_property
     def passive(self) -> PassiveMaxima:

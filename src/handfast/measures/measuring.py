@@ -11,12 +11,19 @@ from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked, unknown_name
 from handfast.core.presented import Presented
 from handfast.core.schema import written
-from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Measure, MeasuredGrasp, MeasureOptions
-from handfast.measures.chosen_forces import check_limits
-from handfast.measures.conic_program import NotMeasured
+from handfast.measures.catalogue import (
+    CATALOGUE,
+    KEYS,
+    PASSIVE,
+    RIGID,
+    Measure,
+    MeasuredGrasp,
+    MeasureOptions,
+    PassiveMaxima,
+)
+from handfast.measures.conic_program import NotMeasured, check_limits
 from handfast.measures.energies import benchmark_scale
 from handfast.measures.internal_forces import LOST, SLIDES
-from handfast.measures.passive import PassiveMaxima
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.grasp import Grasp
 

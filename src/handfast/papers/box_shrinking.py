@@ -31,8 +31,7 @@ from handfast.core.branch import BranchAndPrune, Discarded, Final, Order, Outcom
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.papers.canonical_system import Canonical
-from handfast.papers.linear_programs import DualBound, LinearProgram, highspy
-from handfast.papers.polytopes import polytopes
+from handfast.papers.linear_programs import DualBound, LinearProgram, highspy, polytopes
 
 
 class Over(StrEnum):
@@ -171,6 +170,10 @@ class PaperSolver:
         x = self.system.expanded
         return SystemBox(x.lower, x.upper)
 
+    def search(self, order: Order = Order.DEPTH) -> BranchAndPrune[SystemBox]:
+        """For solution boxes: depth first for one of them, breadth first for all (4.2)."""
+        return BranchAndPrune(self, [self.root], order=order)
+
     @property
     def width(self) -> int:
         """How many of the variables of x, the first ones, are shrunk, split and held against sigma."""
@@ -290,15 +293,3 @@ def bisect(box: SystemBox, n: int) -> tuple[SystemBox, SystemBox]:
     upper[k] = lower[k] = middle
     half = box.share / 2
     return replace(box, upper=upper, share=half), replace(box, lower=lower, share=half)
-
-
-def search(
-    system: Canonical, settings: ShrinkingSettings | None = None, *, order: Order = Order.DEPTH
-) -> BranchAndPrune[SystemBox]:
-    """The search for solution boxes: depth first for one of them, breadth first for all (4.2).
-
-    Raises:
-        InputError: highspy is not installed.
-    """
-    domain = PaperSolver(system, settings or ShrinkingSettings())
-    return BranchAndPrune(domain, [domain.root], order=order)

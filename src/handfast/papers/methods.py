@@ -5,34 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from handfast.core import parallel
 from handfast.core.answer import Stop, Verdict
-from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1
 from handfast.papers.algorithm1 import RefinementSettings, RefinementStep
+from handfast.papers.baselines import BaselineState, pyramid_step, turn_scheme
 from handfast.papers.box_shrinking import Over, PaperSolver, ShrinkingSettings
 from handfast.papers.canonical_equations import canonical
-from handfast.papers.earlier_scheme import turn_scheme
-from handfast.papers.exhibit import TextTable
-from handfast.papers.friction_pyramids import pyramid_step
-from handfast.papers.planar_grasp import PlanarGrasp
-from handfast.papers.planar_oracle import planar_check, planar_ranges
+from handfast.papers.exhibits import TextTable
+from handfast.papers.mixed_integer import Solver
+from handfast.papers.planar_oracle import PlanarGrasp, planar_check, planar_ranges
 from handfast.pictures import sentences, words
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers.answer import finite
+from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.synthesis.task_file import load_task
-
-if TYPE_CHECKING:
-    from handfast.papers.baseline import BaselineState
-    from handfast.papers.mixed_integer import Solver
-    from handfast.stability.answers.answer import Answer
 
 Numbers = tuple[float, ...]
 MILLIMETRE = 0.001  # [m] the unit of the paper's Table 3
@@ -248,7 +241,7 @@ def box_shrinking(name: str, asked: MethodOptions) -> MethodAnswer:
     """Box shrinking and bisection, depth first, until a solution box is found or the time is up."""
     settings, end = ShrinkingSettings(over=asked.over), time.monotonic() + asked.settings.timeout
     solver = PaperSolver(canonical(load_task(name), unit=asked.unit), settings, end=end)
-    search = BranchAndPrune(solver, [solver.root])
+    search = solver.search()
     for state in search:
         if state.finals or solver.late:
             break

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,10 +11,12 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from handfast.core import bundled
 from handfast.core.answer import uninterrupted
+from handfast.core.arrays import Array
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1, stability_tables
 from handfast.papers.algorithm1 import RefinementSettings
+from handfast.papers.exhibits import MakingOptions
 from handfast.papers.friction_relaxation import Discretisation, Edges
 from handfast.papers.mixed_integer_solvers import installed
 from handfast.pictures.camera import views
@@ -33,12 +33,6 @@ from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.maps import force_map, sweep
 
-if TYPE_CHECKING:
-    from handfast.core.arrays import Array
-    from handfast.papers.exhibit import MakingOptions
-    from handfast.stability.problem.witness import Witness
-
-ROBUST = float(np.radians(2.5))  # the uncertainty of normals of Figs 6b, 8 and 10
 HELD = np.array([0, 2.2, 0, 0, 0, 0])  # Fig. 5: 2.2 N along +y
 UNHELD = np.array([0, 1.0, 0, 0, 0, 0])  # section VII-A: 1 N along +y, without preload
 STEPS = 360  # directions of a map, as in the paper
@@ -56,10 +50,10 @@ def placed(name: str) -> tuple[Grasp, list[Mesh]]:
     return load_grasp(name), scene_meshes(hand, q, body, configuration.pose)
 
 
-def scene(name: str, _: MakingOptions, witness: Witness | None = None) -> Figure:
+def scene(_: MakingOptions, name: str) -> Figure:
     """Figs 1, 7, 9, 11: the bundled hand and object from three sides."""
     grasp, meshes = placed(name)
-    return draw_grasp(grasp, witness, meshes, count=3)
+    return draw_grasp(grasp, None, meshes, count=3)
 
 
 def fig2(_: MakingOptions) -> Figure:
@@ -141,17 +135,18 @@ def fig5(options: MakingOptions) -> Figure:
     return figure
 
 
-def force_maps(name: str, etas: tuple[float, ...], options: MakingOptions) -> Figure:
-    """Figs 6, 8, 10: forces in the xy plane, without (blue) and with the preload (maroon), a panel for each eta."""
+def force_maps(options: MakingOptions, name: str, *etas: float) -> Figure:
+    """Figs 6, 8, 10: forces in the xy plane, without preload (blue) and with it (maroon), a panel for each eta [°]."""
     asked: dict[str, Any] = {"steps": options.steps or STEPS, "settings": Settings(timeout=options.timeout)}
-    maps = [uninterrupted(force_map(load_grasp(name), "xy", limits=GraspLimits(eta), **asked)) for eta in etas]
+    limits = [GraspLimits(np.radians(eta)) for eta in etas]
+    maps = [uninterrupted(force_map(load_grasp(name), "xy", limits=each, **asked)) for each in limits]
     if len(maps) == 1:
         return draw_map(maps[0])
     figure = Figure(figsize=(5.2 * len(maps), 5.2))
     for k, (eta, answer) in enumerate(zip(etas, maps, strict=True)):
         ax = figure.add_subplot(1, len(maps), k + 1)
         draw_map(answer, ax=ax)
-        ax.set_title(f"normals off by up to {np.degrees(eta):g}°", loc="left", fontsize=11, color=INK)
+        ax.set_title(f"normals off by up to {eta:g}°", loc="left", fontsize=11, color=INK)
     ends = [Polygon([(0, 0)], fc=BLUE, alpha=0.6), Polygon([(0, 0)], fc=MAROON)]
     figure.legend(
         ends, ["resisted without preload", "added by the preload"], ncols=2, loc="lower center", frameon=False
@@ -183,20 +178,3 @@ def fig13(_: MakingOptions) -> Figure:
         ax.set_title(f"{name.removeprefix('barrett-')}, {grasp.m} contacts", fontsize=9, color=GREY)
     figure.subplots_adjust(0.01, 0.01, 0.99, 0.95, 0.02, 0.12)
     return figure
-
-
-FIGURES: dict[str, Callable[[MakingOptions], Figure]] = {
-    "fig1": partial(scene, "fig1"),
-    "fig2": fig2,
-    "fig3": fig3,
-    "fig4": fig4,
-    "fig5": fig5,
-    "fig6": partial(force_maps, "fig1", (0.0, ROBUST)),
-    "fig7": partial(scene, "fig7"),
-    "fig8": partial(force_maps, "fig7", (ROBUST,)),
-    "fig9": partial(scene, "fig9"),
-    "fig10": partial(force_maps, "fig9", (ROBUST,)),
-    "fig11": partial(scene, "fig11"),
-    "fig12": fig12,
-    "fig13": fig13,
-}

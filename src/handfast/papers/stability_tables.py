@@ -8,17 +8,18 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from handfast.core.answer import uninterrupted
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1
 from handfast.papers.algorithm1 import Refined, RefinementSettings, refine
-from handfast.papers.exhibit import TextTable
-from handfast.papers.mixed_integer import SolverStatus
+from handfast.papers.exhibits import MakingOptions, TextTable
+from handfast.papers.mixed_integer import Solver, SolverStatus
 from handfast.papers.mixed_integer_solvers import installed
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp, to_dict
@@ -30,11 +31,6 @@ from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import SMALLEST_PRELOAD
 from handfast.stability.problem.settings import Settings
-
-if TYPE_CHECKING:
-    from handfast.core.arrays import Array
-    from handfast.papers.exhibit import MakingOptions
-    from handfast.papers.mixed_integer import Solver
 
 # --- Table I ------------------------------------------------------------------------------------------------------
 
@@ -267,6 +263,3 @@ def _median(questions: list[TaskQuestion], ask: Callable[[TaskQuestion], Answer]
             return "refused"
         took.append(time.perf_counter() - clock)
     return f"{factor * statistics.median(took):.3g}"
-
-
-TABLES: dict[str, Callable[[MakingOptions], TextTable]] = {"table1": table1, "table2": table2}

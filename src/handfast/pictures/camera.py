@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-if TYPE_CHECKING:
-    from handfast.core.arrays import Array
-    from handfast.model.grasp import Grasp
+from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp
 
 TILT = Rotation.from_euler("yx", [-25.0, 22.0], degrees=True).as_matrix()  # of the first view, out of the flat one
 EDGE = 1e-9  # a ray through an edge meets both triangles

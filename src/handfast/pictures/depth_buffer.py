@@ -7,20 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from handfast.core.arrays import Array
+from handfast.model.region import Region
+from handfast.pictures.camera import View
 from handfast.pictures.drawing import GREY, HALO, INK
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from handfast.core.arrays import Array
-    from handfast.model.region import Region
-    from handfast.pictures.camera import View
 
 GRID = 12  # facets along each side of a region
 LIFT = 6e-4  # [m] by which a region is drawn above its surface

@@ -8,18 +8,16 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from handfast.core.arrays import Array
-    from handfast.pictures.scene import Mesh
+from handfast.core.arrays import Array
+from handfast.pictures.scene import Mesh
 
 BLUE, MAROON, GREY, INK = "#2f6db3", "#8c1d40", "#9a9a9a", "#2b2b2b"
 AMBER, GREEN, VIOLET = "#d98200", "#2c7d4f", "#7a5cc4"

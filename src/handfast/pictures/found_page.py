@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,16 +17,14 @@ from handfast.pictures.grasp_picture import draw_scene
 from handfast.pictures.page import render, shown_loads
 from handfast.pictures.scene import DrawnScene, ShownGrasp, link_meshes, link_poses, scene_meshes
 from handfast.pictures.words import laws_text, num
+from handfast.planning.propose_tasks import Proposals
 from handfast.planning.results.grasps import Grasps
+from handfast.planning.results.plan import Plan
 from handfast.readers.load_body import load_body
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.maps import PLANES, Plane, force_map
-
-if TYPE_CHECKING:
-    from handfast.planning.propose_tasks import Proposals
-    from handfast.planning.results.plan import Plan
-    from handfast.synthesis.solution import Solution
-    from handfast.synthesis.synthesis_answer import Synthesis
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_answer import Synthesis
 
 NOTHING = "nothing was found that a page could show"
 STEPS = 48  # directions of the map

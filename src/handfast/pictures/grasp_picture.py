@@ -8,22 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
+from handfast.core.arrays import Array
 from handfast.core.transforms import normal_frame
+from handfast.model.grasp import Grasp
 from handfast.pictures.camera import View, views
 from handfast.pictures.drawing import AMBER, ARROW, BLUE, GREEN, GREY, HALO, INK, VIOLET, solids, windowed
 from handfast.pictures.scene import Mesh, arrows, finger_lines, placed_joints
-
-if TYPE_CHECKING:
-    from handfast.core.arrays import Array
-    from handfast.model.grasp import Grasp
-    from handfast.stability.problem.witness import Witness
+from handfast.stability.problem.witness import Witness
 
 NAMED, COLUMNS, LINE = 8, 3, 0.16  # joints that are named in place; columns of the key, and [inches] a line of it
 TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure

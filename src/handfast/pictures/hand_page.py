@@ -157,10 +157,7 @@ def _caption(shown: ShownHand) -> str:
         page_parts.mark(COLORS["axes"], "other joint"),
     ]
     marks += [page_parts.mark(COLORS["load"], "palm's approach")] if facts.palm else []
-    return (
-        f"{''.join(marks)}<br>Regions are darker than their finger. Drag to turn, with Shift (or two fingers) to "
-        "shift; click and scroll, or pinch, to zoom; double-click to begin again."
-    )
+    return f"{''.join(marks)}<br>Regions are darker than their finger. {page_parts.TURNING}"
 
 
 # --- the tables below it ------------------------------------------------------------------------------

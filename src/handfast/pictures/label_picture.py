@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from handfast.datasets.labels.label_columns import edges
+from handfast.datasets.labels.label_columns import LabelSummary, edges
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
 from handfast.pictures.words import num
-
-if TYPE_CHECKING:
-    from handfast.datasets.labels.label_columns import LabelSummary
 
 VERDICT_COLORS = {"holds": BLUE, "slips": MAROON, "undecided": AMBER, "no weight": GREY, "broken": INK}
 APART, ROOM = 3, 5  # bins between the rest and what is beyond it, and that the words below it take

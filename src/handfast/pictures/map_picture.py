@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Patch, Polygon, Wedge
 
+from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked
 from handfast.pictures import sentences, words
 from handfast.pictures.drawing import AMBER, BLUE, DPI, GREY, INK, MAROON, tidy
 from handfast.pictures.words import num
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from handfast.core.arrays import Array
-    from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
+from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 FILL = {BLUE: "#6c9fd6", MAROON: MAROON}  # far apart in lightness too, for print and colour-blind eyes
 WEAK = "#d0021b"

@@ -4,27 +4,24 @@ from __future__ import annotations
 
 import io
 import textwrap
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Patch
 
+from handfast.core.arrays import Array
 from handfast.measures.catalogue import PASSIVE
+from handfast.measures.measuring import MeasuredValue, Measures
+from handfast.model.grasp import Grasp
 from handfast.pictures import words
 from handfast.pictures.camera import views
 from handfast.pictures.drawing import AMBER, ARROW, BLUE, INK, tidy
 from handfast.pictures.grasp_picture import draw_grasp
+from handfast.pictures.scene import Mesh
 from handfast.pictures.words import num
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from handfast.core.arrays import Array
-    from handfast.measures.measuring import MeasuredValue, Measures
-    from handfast.model.grasp import Grasp
-    from handfast.pictures.scene import Mesh
 
 LEAST = 0.006  # of the axis: a bar of nothing is still to be seen
 OPEN_BAR: dict[str, Any] = {"fc": "#d9d9d9", "hatch": "////", "lw": 0, "zorder": 3}

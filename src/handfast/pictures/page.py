@@ -6,30 +6,23 @@ import platform
 from collections.abc import Sequence
 from html import escape
 from importlib import metadata
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from handfast.core.answer import Verdict
-from handfast.pictures import page_parts, page_tables, sentences, view3d, words
+from handfast.model.grasp import Grasp
+from handfast.pictures import Entry, page_parts, page_tables, sentences, view3d, words
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
 from handfast.pictures.map_picture import draw_map, draw_sweep
 from handfast.pictures.page_parts import still, table
-from handfast.pictures.scene import ShownLoad
+from handfast.pictures.scene import DrawnScene, Mesh, ShownLoad
 from handfast.pictures.words import laws_text, num
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.witness import Witness
 from handfast.stability.studies.maps import MapAnswer, SweepAnswer
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from handfast.model.grasp import Grasp
-    from handfast.pictures import Entry
-    from handfast.pictures.scene import DrawnScene, Mesh
-    from handfast.stability.problem.witness import Witness
-
 
 MANY = 3  # checks; from one more on, only the first one that holds is drawn in still pictures
 

@@ -6,14 +6,17 @@ import json
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from handfast.pictures.drawing import data_uri
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 BAD = "\x00"  # in front of a cell: a number that should worry
+TURNING = (  # said below a view in three dimensions
+    "Drag to turn, with Shift (or two fingers) to shift; click and scroll, or pinch, to zoom; "
+    "double-click to begin again."
+)
 OPACITY = 0.45  # of the object at first; contacts and forces lie inside it
 
 

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from handfast.pictures import sentences, words
+from handfast.model.grasp import Grasp
+from handfast.pictures import Entry, sentences, words
 from handfast.pictures.page_parts import BAD, table
 from handfast.pictures.words import joint_text, num, vector
-from handfast.stability.answers import MaxAnswer
+from handfast.stability.answers import MaxAnswer, TorquesAnswer
+from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.margin import Margin
 from handfast.stability.problem import model
-
-if TYPE_CHECKING:
-    from handfast.model.grasp import Grasp
-    from handfast.pictures import Entry
-    from handfast.stability.answers import TorquesAnswer
-    from handfast.stability.answers.answer import Answer
-    from handfast.stability.answers.margin import Margin
-    from handfast.stability.problem.witness import Witness
-    from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
-
+from handfast.stability.problem.witness import Witness
+from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 EQUATIONS = {
     "object_balance": "(1) object in equilibrium",
@@ -88,11 +82,9 @@ def actuator_table(witness: Witness) -> str:
     turns = sentences.actuators_that_turn(witness)
     rows = []
     for i, name in enumerate(mech.actuators):
-        unit = words.actuator_unit(grasp, name)
-        free = mech.backdrivable[i]
-        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "no torque" if free else "locked"
-        moves = "turns" if turns[i] else "rests" if free else "held by its gearing"
-        rows.append([name, command, f"{num(witness.state.f[i])} {unit}", moves])
+        moves = "turns" if turns[i] else "rests" if mech.backdrivable[i] else "held by its gearing"
+        carries = f"{num(witness.state.f[i])} {words.actuator_unit(grasp, name)}"
+        rows.append([name, words.command_text(grasp, i), carries, moves])
     out = table(["actuator", "#commanded", "#carries", "#state"], rows, "Actuators")
     tau = model.joint_torques(grasp, witness.state.c, witness.state.torsion)
     rows = [
@@ -237,11 +229,8 @@ def grasp_table(grasp: Grasp) -> str:
         drives = [
             j.name if r == 1 else f"{num(r)} × {j.name}" for j, r in zip(grasp.joints, mech.R[i], strict=True) if r
         ]
-        unit = words.actuator_unit(grasp, name)
-        still = "no torque" if mech.backdrivable[i] else "locked"
-        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else still
         kind = " (tendon)" if mech.tendon[i] else " (backdrivable)" if mech.backdrivable[i] else ""
-        rows.append([name + kind, " + ".join(drives), command])
+        rows.append([name + kind, " + ".join(drives), words.command_text(grasp, i)])
     out += table(["actuator", "#moves", "#commanded"], rows, "Actuators")
     rows = [
         [" + ".join(f"{num(a)} × {j.name}" for j, a in zip(grasp.joints, row, strict=True) if a) + " = 0"]

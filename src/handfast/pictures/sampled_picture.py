@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,10 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from handfast.core.answer import Stop
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
 from handfast.pictures.words import count, direction_text, listed, magnitude, num
-
-if TYPE_CHECKING:
-    from handfast.stability.answers import MaxAnswer
-    from handfast.stability.studies.sampled_maximum import SampledMaximum
+from handfast.stability.answers import MaxAnswer
+from handfast.stability.studies.sampled_maximum import SampledMaximum
 
 BINS = 30
 APART = 0.01  # relative distance of two bounds beyond which the lower one is called a bound

@@ -7,20 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.geometry.grasp_joints import TENDON
-
-if TYPE_CHECKING:
-    from handfast.core.arrays import Array
-    from handfast.model.body import Body
-    from handfast.model.grasp import Grasp, GraspJoint
-    from handfast.model.hand.hand import Hand
-    from handfast.model.shape import Faces, Shape
-    from handfast.stability.problem.witness import Witness
+from handfast.model.body import Body
+from handfast.model.grasp import Grasp, GraspJoint
+from handfast.model.hand.hand import Hand
+from handfast.model.shape import Faces, Shape
+from handfast.stability.problem.witness import Witness
 
 FORCE, MOTION, MOMENT = 0.85, 0.4, 0.6  # [grasp sizes] lengths of the largest force, motion, and of a torque
 LEAST = 0.3  # [grasp sizes] length of a disturbance at least

@@ -84,8 +84,7 @@ def margin_note(margin: Margin) -> str:
 
 def fragile_text(margin: Margin) -> str:
     """Why it is called fragile."""
-    named = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}
-    return f"Fragile: it leans on {listed([named[w] for w in margin.why])}."
+    return f"Fragile: it leans on {listed([words.LEANS[w] for w in margin.why])}."
 
 
 def up_to(answer: Answer) -> str:

@@ -8,21 +8,18 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_hex
+from numpy.typing import NDArray
 
+from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp
 from handfast.pictures import page_parts
 from handfast.pictures.camera import ALONG, TILT, View, around, clearest, upright, views
 from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET
 from handfast.pictures.scene import DrawnScene, Mesh, ShownLoad, arrows, coarse, finger_lines, placed_joints, triangles
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from handfast.core.arrays import Array
-    from handfast.model.grasp import Grasp
 
 BONE = "#c2c8cf"  # fingers as rods, where there are no solids
 COLORS = {
@@ -165,10 +162,7 @@ def _caption(loaded: bool) -> str:
     entries = [*(key if loaded else []), ("cone", "friction cone, joint axis")]
     marks = "".join(page_parts.mark(COLORS[name], text) for name, text in entries)
     marks += page_parts.mark("var(--ink)", "contact, normal")
-    return (
-        f"{marks}<br>Drag to turn, with Shift (or two fingers) to shift; click and scroll, or pinch, to zoom; "
-        "double-click to begin again."
-    )
+    return f"{marks}<br>{page_parts.TURNING}"
 
 
 def _short(a: Array) -> list[float]:

@@ -21,6 +21,7 @@ STOPS = {"lower": "cannot open further", "upper": "cannot close further", "both"
 MANY = 4  # joints that are named
 USUAL = "–"  # a joint stops at its limits and has nothing else
 BEST_FIRST = "robust before fragile, then the larger margin, then the smaller command"
+LEANS = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}  # what a HOLDS leans on
 MARGIN = "how many times each load, as it was given, is held under the preload (certified)"
 
 
@@ -114,9 +115,15 @@ def margin_figure(factor: float) -> str:
 def quality_text(quality: GraspQuality) -> str:
     """'margin 1.52 (gravity +x), robust, clearance 3.2 mm'."""
     where = f" ({quality.weakest})" if quality.weakest else ""
-    leans = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}
-    sure = f"fragile: leans on {listed([leans[w] for w in quality.leans_on])}" if quality.fragile else "robust"
+    sure = f"fragile: leans on {listed([LEANS[w] for w in quality.leans_on])}" if quality.fragile else "robust"
     return f"margin {margin_figure(quality.margin)}{where}, {sure}, clearance {num(1e3 * quality.clearance, 3)} mm"
+
+
+def command_text(grasp: Grasp, i: int) -> str:
+    """Of one actuator of a grasp: '0.1 N·m', 'locked', 'no torque'."""
+    idle = "no torque" if grasp.mechanism.backdrivable[i] else "locked"
+    unit = actuator_unit(grasp, grasp.mechanism.actuators[i])
+    return f"{num(grasp.command[i])} {unit}" if grasp.command[i] else idle
 
 
 def joint_unit(grasp: Grasp, joint: int) -> str:

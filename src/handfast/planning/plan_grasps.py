@@ -16,9 +16,8 @@ from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
 from handfast.planning.question import PlanOptions, compared, link_pairs, refuse_another
 from handfast.planning.ranking import best_first, difference, most_different
-from handfast.planning.rejection import fruitless
 from handfast.planning.results.plan import Plan
-from handfast.planning.search import Gathering, Journal
+from handfast.planning.search import Gathering, Journal, fruitless
 from handfast.stability.problem.loads import Loads
 
 

@@ -30,7 +30,7 @@ from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import refuse_negative, refuse_no_positive
-from handfast.planning.rejection import RejectionReason, Tally
+from handfast.planning.search import RejectionReason, Tally
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Starts

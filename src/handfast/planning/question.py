@@ -15,7 +15,7 @@ from handfast.model.hand.anatomy import Anatomy
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling
 from handfast.planning.filters.surroundings import Surroundings
-from handfast.planning.rejection import GIVE_UP
+from handfast.planning.search import GIVE_UP
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from handfast.core.arrays import Array
 from handfast.core.files import refuse_existing, write_text
 from handfast.core.presented import Presented
 from handfast.core.transforms import matrix_quaternion
+from handfast.geometry.scene import Scene
+from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
 from handfast.proofs.fields import BadFile, Fields, numbers
@@ -27,10 +29,6 @@ from handfast.stability.problem.grasp_limits import Terms
 from handfast.stability.problem.settings import INF
 from handfast.stability.studies.ask_again import Asking, BoundsClaim, Claim, VerdictClaim, asked, together
 from handfast.stability.studies.verify_maps import grasp_of
-
-if TYPE_CHECKING:
-    from handfast.geometry.scene import Scene
-    from handfast.model.configuration import Configuration
 
 
 class Rest(StrEnum):

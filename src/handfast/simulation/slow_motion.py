@@ -1,4 +1,7 @@
-"""A hand and an object that move slowly: one step after the other, contacts found anew in the real shapes each time."""
+"""A hand and an object that move slowly: one step after the other, contacts found anew in the real shapes each time.
+
+`touch_points` says where they touch, or soon may, each point with a depth of its own.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handfast.core.arrays import Array
-from handfast.core.transforms import cross, transform
-from handfast.geometry.scene import Scene
+from handfast.core.arrays import Array, Indices
+from handfast.core.transforms import cross, normal_frame, transform
+from handfast.geometry.contact_patch import FLAT
+from handfast.geometry.contacts import patch_corners
+from handfast.geometry.scene import HandObjectPair, Scene
+from handfast.model.shape import Shape
 from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.hand_drive import JointResistance, MotorDrive
-from handfast.simulation.touch_points import Pair, TouchPoints, touch_points
 
 STIFFNESS = 3e3  # of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
 HARDER = 100.0  # times as stiff are gearings and joint stops
@@ -21,6 +26,8 @@ FARTHEST = 7.5e-3  # [grasp sizes, rad] that anything moves in a step; beyond it
 TRIES = 8  # of shorter steps
 STILL = 1e-5  # [grasp sizes, rad] a step in which nothing moves farther moves nothing
 CARRIES = 1e-4  # [force units] a contact with less carries nothing
+Pair = tuple[int, int, int]  # link, its shape, piece of the object
+FLATTEST = 1e-3  # [m] points of a feature nearer to each other than this tell nothing of its tilt
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +169,7 @@ class SlowMotion:
         motions = np.zeros((len(points), 6, 6 + k))
         for i, (P, link) in enumerate(zip(points.positions, points.links, strict=True)):
             motions[i, :3, :3] = np.eye(3)
-            motions[i, :3, 3:6] = -_skew((P - middle) / L)
+            motions[i, :3, 3:6] = np.cross((P - middle) / L, np.eye(3))
             chain = list(hand.moved_by(int(link)))
             J = np.zeros((3, hand.l))
             for j in chain:
@@ -247,5 +254,88 @@ class SlowMotion:
             self._pressure.setdefault(pair, []).append(value)
 
 
-def _skew(v: Array) -> Array:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+# --- where they touch ---
+
+
+@dataclass(frozen=True, eq=False)
+class TouchPoints:
+    """Points at which a finger and the object touch or are near to, in the hand's base frame.
+
+    Attributes:
+        positions: (n, 3) [m], midway between the surfaces.
+        frames: (n, 3, 3) columns: the normal into the object, and two tangents.
+        depths: (n,) [m] how far the surfaces are in each other; negative apart.
+        links: (n,) index of the hand's link.
+        pairs: n of which solids.
+    """
+
+    positions: Array
+    frames: Array
+    depths: Array
+    links: Indices
+    pairs: tuple[Pair, ...]
+
+    def __len__(self) -> int:
+        return len(self.depths)
+
+
+def touch_points(scene: Scene, q: Array, pose: Array, reach: float, rest: dict[Pair, float]) -> TouchPoints:
+    """All points nearer than `reach` [m].
+
+    Args:
+        rest: depths at which pairs of solids are taken to touch, 0 for those that are not in it.
+    """
+    found = scene.nearest(q, pose, reach + max([0.0, *(-d for d in rest.values())]))
+    link_poses = scene.placed
+    pieces = [piece.placed(pose) for piece in scene.body.pieces]
+    positions: list[Array] = []
+    frames: list[Array] = []
+    depths: list[float] = []
+    links: list[int] = []
+    pairs: list[Pair] = []
+    solids: dict[int, list[Shape]] = {}
+    for p in found:
+        key = (p.link, p.shape, p.piece)
+        deepest = -p.distance - rest.get(key, 0.0)
+        if deepest < -reach:
+            continue
+        if p.link not in solids:
+            solids[p.link] = [s.placed(link_poses[p.link]) for s in scene.hand.links[p.link].shapes]
+        at, below = _points(p, solids[p.link], pieces)
+        frame = normal_frame(p.normal)
+        for point, lower in zip(at, below, strict=True):
+            positions.append(point)
+            frames.append(frame)
+            depths.append(deepest - lower)
+            links.append(p.link)
+            pairs.append(key)
+    n = len(depths)
+    return TouchPoints(
+        np.array(positions).reshape(n, 3), np.array(frames).reshape(n, 3, 3), np.array(depths, dtype=float),
+        np.array(links, dtype=np.intp), tuple(pairs),
+    )  # fmt: skip
+
+
+def _points(p: HandObjectPair, solids: list[Shape], pieces: list[Shape]) -> tuple[Array, Array]:
+    """(k, 3) corners of the patch on real surfaces, and (k,) how much less deep each is than the deepest."""
+    a, b = solids[p.shape], pieces[p.piece]
+    corners, hidden = patch_corners(p, solids, pieces, p.normal, (p.on_hand + p.on_object) / 2)
+    if len(corners) == 1:
+        return corners[~hidden], np.zeros(int((~hidden).sum()))
+    plane = normal_frame(p.normal)[:, 1:]
+    overlap = _height(a, p.normal, plane, corners) + _height(b, -p.normal, plane, corners)
+    return corners[~hidden], (overlap.max() - overlap)[~hidden]
+
+
+def _height(solid: Shape, n: Array, plane: Array, at: Array) -> Array:
+    """(k,) how far the supporting edge or face of a solid reaches along n at points of a patch."""
+    points = solid.feature(n, FLAT)
+    middle = points.mean(axis=0)
+    flat = (points - middle) @ plane
+    _, s, V = np.linalg.svd(flat, full_matrices=False)
+    V = V[s > FLATTEST]
+    if not len(V):
+        return np.zeros(len(at))
+    slope = np.linalg.lstsq(flat @ V.T, (points - middle) @ n, rcond=None)[0]
+    out: Array = (at - middle) @ plane @ V.T @ slope
+    return out

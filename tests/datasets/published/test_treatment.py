@@ -18,7 +18,7 @@ from handfast.datasets.published.separating import (
     pushed_on,
     reaches,
 )
-from handfast.geometry.contact_reduction import reduced_contacts
+from handfast.geometry.contact_patch import reduced_contacts
 from handfast.geometry.contacts import find_contacts
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body

@@ -20,7 +20,7 @@ from handfast.datasets.published.mapping_file import HandMapping, PlacedGrasp, p
 from handfast.datasets.published.published_file import Source
 from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
 from handfast.datasets.published.separating import Separator, gaps_closed, pushed_on
-from handfast.geometry.contact_reduction import TOLERANCE, reduced_contacts
+from handfast.geometry.contact_patch import TOLERANCE, reduced_contacts
 from handfast.geometry.contacts import THRESHOLD, find_contacts, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body

@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from handfast.core.answer import Stop, Verdict
+from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.pictures.live.view_state import ViewState
 from handfast.stability.answers import CheckAnswer, MaxAnswer, check, maximum
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import OnStep, Progress, Settings
-from handfast.stability.studies.maps import Curve
 
 DIRECTIONS = 72  # of a map
 ROUNDS = 0, 3, 1, 5, 2, 4  # each asks every sixth direction from there on: at first a coarse map all around
@@ -42,20 +41,19 @@ class PlaneMap:
         key: `ViewState.map_key` of what was asked.
         at: (3,) [m] where they act.
         directions: (n, 3) unit, object frame, of the forces, or of the torques if `is_torque`.
-        known: (k,) indices of the directions asked so far, ascending; all at the end.
-        curve: of these.
+        sizes: (n,) [N, N m] what is resisted in each: infinite without a bound, NaN where it was not asked yet.
     """
 
     key: tuple[object, ...]
     at: Array
     directions: Array
     is_torque: bool
-    known: Indices
-    curve: Curve
+    sizes: Array
 
     @property
-    def complete(self) -> bool:
-        return len(self.known) == len(self.directions)
+    def known(self) -> Indices:
+        """(k,) indices of the directions asked so far, ascending; all at the end."""
+        return np.flatnonzero(~np.isnan(self.sizes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +129,8 @@ def replay(reply: Reply) -> bool:
 def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator[PlaneMap]:
     """The map, finer and finer, from where it was left."""
     axes, key = state.map_axes, state.map_key
-    if axes is None or key is None or (known and known.complete):
+    sizes = known.sizes if known else np.full(DIRECTIONS, np.nan)
+    if axes is None or key is None or not np.isnan(sizes).any():
         return
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     directions = np.column_stack([np.cos(angles), np.sin(angles)]) @ axes
@@ -141,33 +140,12 @@ def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator
     else:
         wrenches = np.hstack([directions, np.cross(state.at, directions)])
     wrenches = wrenches + 0.0  # no -0
-    step = len(ROUNDS)
-    indices, curve = (known.known, known.curve) if known else (np.zeros(0, dtype=int), Curve.of([]))
-    for begin in ROUNDS[len(indices) * step // DIRECTIONS :]:
-        asked = np.arange(begin, DIRECTIONS, step)
-        possible = np.array([not unbalanced(state.grasp, wrenches[i]) for i in asked])
-        answers = []
-        for w in wrenches[asked[possible]]:
-            answers.append(maximum(state.asked, w, limits=GraspLimits(state.eta), settings=OF_MAP, on_progress=leave))
-        indices, curve = _merged(indices, curve, asked[possible], Curve.of(answers))
-        indices, curve = _merged(indices, curve, asked[~possible], _nothing(int((~possible).sum())))
-        yield PlaneMap(key, state.at, directions, state.is_torque, indices, curve)
-
-
-def _nothing(n: int) -> Curve:
-    """Where nothing is resisted."""
-    return Curve(np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool), (Verdict.SLIPS,) * n, (Stop.COMPLETE,) * n)
-
-
-def _merged(i: Indices, a: Curve, j: Indices, b: Curve) -> tuple[Indices, Curve]:
-    """Two curves over different indices as one over all of them, ascending."""
-    both = np.concatenate([i, j])
-    order = np.argsort(both)
-    curve = Curve(
-        lower=np.concatenate([a.lower, b.lower])[order],
-        upper=np.concatenate([a.upper, b.upper])[order],
-        unbounded=np.concatenate([a.unbounded, b.unbounded])[order].astype(bool),
-        verdicts=tuple((a.verdicts + b.verdicts)[k] for k in order),
-        stops=tuple((a.stops + b.stops)[k] for k in order),
-    )
-    return both[order], curve
+    step, done, limits = len(ROUNDS), DIRECTIONS - int(np.isnan(sizes).sum()), GraspLimits(state.eta)
+    for begin in ROUNDS[done * step // DIRECTIONS :]:
+        sizes = sizes.copy()
+        for i in range(begin, DIRECTIONS, step):
+            sizes[i] = 0.0
+            if not unbalanced(state.grasp, w := wrenches[i]):
+                most = maximum(state.asked, w, limits=limits, settings=OF_MAP, on_progress=leave)
+                sizes[i] = np.inf if most.unbounded else np.nan_to_num(most.lower)
+        yield PlaneMap(key, state.at, directions, state.is_torque, sizes)

@@ -240,8 +240,7 @@ def force_arrows(positions: Array, forces: Array, stage: Stage) -> Array:
 def _map(found: PlaneMap, state: ViewState, stage: Stage) -> ShownMap:
     scale = stage.metres_per_newton_metre if found.is_torque else stage.metres_per_newton
     rim = ARROW * stage.size
-    curve = found.curve
-    reach = scale * np.where(curve.unbounded, np.inf, np.nan_to_num(curve.lower))
+    reach = scale * found.sizes[found.known]
     cut = reach >= rim
     outline = found.at + np.minimum(reach, rim)[:, None] * found.directions[found.known]
     return ShownMap(found.at, outline, cut, found.key != state.map_key)

@@ -13,11 +13,11 @@ from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.model.hand_regions import HandRegion, HandRegions
 from handfast.planning.candidates.hand_shapes import HandShapes, Match
-from handfast.planning.candidates.places import ERROR, Place, find_places
+from handfast.planning.candidates.surface import ERROR, Place, find_places
 from handfast.planning.filters.balance import squeeze_imbalance, squeeze_margin
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
-from handfast.planning.rejection import RejectionReason, Tally
+from handfast.planning.search import RejectionReason, Tally
 
 Kind = Literal["pinch", "tripod", "power"]
 KINDS: tuple[Kind, ...] = get_args(Kind)

@@ -28,8 +28,7 @@ from handfast.planning.filters.balance import balances
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
 from handfast.planning.filters.surroundings import CLEAR, Way, WayFinder
 from handfast.planning.question import PlanOptions, fingerprint
-from handfast.planning.rejection import FILTERED, Overlap, RejectionReason, Tally, of_verdict
-from handfast.planning.search import UnitResult
+from handfast.planning.search import FILTERED, Overlap, RejectionReason, Tally, UnitResult, of_verdict
 from handfast.simulation.bodies import Bodies
 from handfast.simulation.result import Ending
 from handfast.simulation.simulate import simulate_bodies

@@ -24,7 +24,7 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.planning.filters.balance import CIRCUMSCRIBED, friction_margin, imbalance
 from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.question import Allowed
-from handfast.planning.rejection import RejectionReason
+from handfast.planning.search import RejectionReason
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.search.starts import Certified
 from handfast.synthesis.solution import Solution, relative_curvatures

@@ -17,12 +17,10 @@ from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
-from handfast.planning.evaluation.line_balance import LineBalance
 from handfast.planning.evaluation.preload_search import held, held_again
-from handfast.planning.evaluation.steps import GraspRefinement, Steps
+from handfast.planning.evaluation.steps import GraspRefinement, LineBalance, Steps
 from handfast.planning.question import Requirements
-from handfast.planning.rejection import RejectionReason, Tally, of_verdict
-from handfast.planning.search import UnitResult
+from handfast.planning.search import RejectionReason, Tally, UnitResult, of_verdict
 from handfast.stability.answers import check
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, moderate

@@ -18,8 +18,7 @@ from pydantic import Field
 from handfast.core.answer import Stop, Verdict, uninterrupted
 from handfast.core.arrays import Array
 from handfast.core.transforms import normal_frame
-from handfast.geometry.contact_patch import few
-from handfast.geometry.contact_reduction import reduced_contacts
+from handfast.geometry.contact_patch import few, reduced_contacts
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.question import PlanLimits

@@ -1,7 +1,8 @@
 """Steps from one candidate to a better one, along the set of certified configurations.
 
-They go where the distances grow (`Gradients`), off the limits (`GraspRefinement`) or anywhere; each is certified anew
-before it counts. That a better grasp still holds is for the caller to decide anew.
+They go where the distances grow (`Gradients`), off the limits (`GraspRefinement`), to where a load has no moment about
+two contacts (`LineBalance`), or anywhere; each is certified anew before it counts. That a better grasp still holds is
+for the caller to decide anew.
 """
 
 from __future__ import annotations
@@ -14,11 +15,18 @@ from handfast.core.arrays import Array, Mask
 from handfast.geometry.collision import SeparationVector
 from handfast.model.hand.coupling import drivers
 from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandidate, requests
+from handfast.planning.filters.balance import POINT
+from handfast.stability.problem.loads import Loads
 from handfast.synthesis.search.starts import Certified, Walks
 from handfast.synthesis.task_problem import TaskProblem
 
 AIR = 5e-4  # [m] further apart than allowed: where a step away aims
 SLACK = 2e-3  # room to every bound below which a step does not press on it; in coordinates
+LINE_LENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)  # of steps in the measure of `distance`, up to the first beyond it
+LINE_ROUNDS = 40  # of steps between two that are on either side of it
+EXACT = 1e-14  # of the regions' distance from the origin and of each other: an arm that is none
+PROPORTIONAL = 1e-12  # relative: loads that are multiples of one another
+SMALL = 1e-6  # of a parameter, for differences
 
 
 class Steps:
@@ -98,15 +106,9 @@ class Gradients:
         # omega = 2 vec(dq conj(q)) / |q|^2, and the point moves with omega x arm
         turn = np.zeros((3, 4))
         turn[:, 0] = -v
-        turn[:, 1:] = w * np.eye(3) + _cross(v)
-        J[:, first + 3 : first + 7] = -_cross(arm) @ (2 / size * turn)
+        turn[:, 1:] = w * np.eye(3) + np.cross(np.eye(3), v)  # the matrix of v x
+        J[:, first + 3 : first + 7] = -np.cross(np.eye(3), arm) @ (2 / size * turn)
         return J
-
-
-def _cross(v: Array) -> Array:
-    """(3, 3) with _cross(v) @ u = v x u."""
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 # --- a grasp that holds, made a better one -----------------------------------------------------------
@@ -166,3 +168,78 @@ class GraspRefinement:
         middle = (flat.coordinates.lower + flat.coordinates.upper)[self.bounded] / 2
         g[self.bounded] = short * np.sign(middle - x[self.bounded]) / self.width[self.bounded]
         return np.asarray(g / self.steps.walks.weight) if g.any() else None
+
+
+# --- two contacts under a load ---
+
+
+class LineBalance:
+    """The equation of two contacts, and its solution.
+
+    Forces at two points have no moment about the line between them, so the load must have none. That is an equation of
+    the task beside those of the contacts, which random starts and steps never meet. It is solved along a step on the
+    set of certified configurations, by regula falsi and bisection on the step's length.
+
+    Attributes:
+        load: (6,) of which all loads are multiples; None if there is no such equation to solve.
+    """
+
+    def __init__(self, walks: Walks, loads: Loads) -> None:
+        self.walks, self.load = walks, None
+        pairs = walks.problem.task.contact_pairs
+        self.regions = [pair.object for pair in pairs]
+        largest = loads.wrenches[np.abs(loads.wrenches).max(axis=1).argmax()]
+        shares = loads.wrenches @ largest / (largest @ largest)
+        rest = np.abs(loads.wrenches - shares[:, None] * largest).max()
+        if len(pairs) == 2 and largest[:3].any() and rest <= PROPORTIONAL * np.abs(largest).max():
+            self.load = largest / np.linalg.norm(largest[:3])
+        labels = walks.problem.labels
+        self.columns = [labels.index(f"contact:{k}:{name}") for k in range(len(pairs)) for name in "st"]
+        self.size = max(region.outermost for region in self.regions)
+
+    def arm(self, parameters: Array) -> float:
+        """[m] of the load about the line through both contacts, at the parameters (4,) of their regions."""
+        first, second = (r.at(*parameters[2 * k : 2 * k + 2]) for k, r in enumerate(self.regions))
+        turn = second - first
+        assert self.load is not None
+        moment = self.load[:3] @ np.cross(first, second) + self.load[3:] @ turn
+        return float(moment / max(float(np.linalg.norm(turn)), POINT))
+
+    def balanced(self, certified: Certified) -> Certified:
+        """Near a certified configuration one without an arm; itself where none is found or no equation is to solve."""
+        if self.load is None:
+            return certified
+        here = certified.x[self.columns]
+        low, at_low, high, at_high = 0.0, self.arm(here), 0.0, 0.0
+        if abs(at_low) <= EXACT * self.size:
+            return certified
+        sides = SMALL * np.eye(4)
+        slope = np.zeros(len(certified.x))
+        slope[self.columns] = [(self.arm(here + d) - self.arm(here - d)) / (2 * SMALL) for d in sides]
+        direction = -np.sign(at_low) * slope / self.walks.weight
+        for length in LINE_LENGTHS:
+            found = self._step(certified, direction, length)
+            if found is None:
+                return certified
+            value = self.arm(found.x[self.columns])
+            if value * at_low <= 0:
+                high, at_high = length, value
+                break
+            low, at_low = length, value
+        for k in range(LINE_ROUNDS if high else 0):
+            between = (low + high) / 2 if k % 4 == 3 else high - at_high * (high - low) / (at_high - at_low)
+            found = self._step(certified, direction, between)
+            if found is None:
+                return certified
+            value = self.arm(found.x[self.columns])
+            if abs(value) <= EXACT * self.size:
+                return found
+            if value * at_low > 0:
+                low, at_low = between, value
+            else:
+                high, at_high = between, value
+        return certified
+
+    def _step(self, certified: Certified, direction: Array, length: float) -> Certified | None:
+        found = self.walks.steps(certified.x[None], direction[None], np.array([length]))
+        return found[0] if found else None

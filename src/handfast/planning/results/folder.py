@@ -22,11 +22,10 @@ from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.preload_search import checking_settings_for, held_again
 from handfast.planning.question import refuse_another
-from handfast.planning.rejection import Tally
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.plan import Plan, PlanFile, PlannedEntry
 from handfast.planning.results.search_file import SavedSearch, load_search, save_search
-from handfast.planning.search import Journal, State
+from handfast.planning.search import Journal, State, Tally
 from handfast.readers.configuration_file import load_configuration, save_configuration
 from handfast.readers.grasp_file import load_grasp, save_grasp
 from handfast.synthesis.task import Task

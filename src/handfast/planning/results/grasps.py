@@ -22,11 +22,11 @@ from handfast.planning.evaluation.evaluator import Derived
 from handfast.planning.no_balance import BalanceSearched
 from handfast.planning.question import Requirements
 from handfast.planning.ranking import rank
-from handfast.planning.rejection import Tally
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps_file import ObjectEntry, SavedGrasp, SavedGrasps
 from handfast.planning.results.search_file import REASONS, SavedSearch
 from handfast.planning.results.verify import verify
+from handfast.planning.search import Tally
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
 from handfast.stability.answers.answer import finite

@@ -17,8 +17,8 @@ from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.preload_search import SearchedContacts
 from handfast.planning.evaluation.quality import largest_command
 from handfast.planning.filters.surroundings import Way
-from handfast.planning.rejection import OverlapEntry, Tally, diagnosis
 from handfast.planning.results.verify import verify_planned
+from handfast.planning.search import OverlapEntry, Tally, diagnosis
 from handfast.proofs.replay import Replay
 from handfast.stability.problem.loads import Loads
 

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
-from handfast.planning.rejection import RejectionReason, Tally
+from handfast.planning.search import RejectionReason, Tally
 from handfast.proofs.configurations import Existence
 from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
