@@ -97,7 +97,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
     return make
 
 
-def test_a_library_computes_what_its_functions_say(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_computes_what_its_functions_say(toy: Toy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # settings of numba do not count
     library = toy()
     Sample = library.entries["weigh"].takes[0]
@@ -106,8 +106,10 @@ def test_a_library_computes_what_its_functions_say(toy: Toy, monkeypatch: pytest
     sample = Sample(points, weights, places, used, 0.25, 3, True)
     lines = table(sample)
     expected = -np.arctan2(0.25 * 2 * (1 * 12.0 + 3 * 6.0), 1.0)
-    for baseline, code in zip(BASELINES, library.machine_codes(BASELINES), strict=True):
+    codes = library.machine_codes(BASELINES)
+    for baseline, code in zip(BASELINES, codes, strict=True):
         assert code == library.machine_code(baseline)
+        assert f"numba {version('numba')}, llvmlite {version('llvmlite')}".encode() in code
         if baseline not in RUN_HERE:
             continue
         functions = loaded(code, {"weigh": library.entries["weigh"].takes})
@@ -117,42 +119,27 @@ def test_a_library_computes_what_its_functions_say(toy: Toy, monkeypatch: pytest
         weights[0] = 1.0
         functions.weigh(lines, 2, 2.0, True)
         assert weights[0] == pytest.approx(-expected, rel=1e-14)
-
-
-def test_code_says_which_compiler_made_it_and_is_the_same_alone(toy: Toy) -> None:
-    library = toy()
-    together = library.compiled(BASELINES)
-    assert library.compiled(RUN_HERE[:1])[RUN_HERE[0]] == together[RUN_HERE[0]]
-    assert len(set(together.values())) == len(BASELINES)
-    for code in together.values():
-        assert f"numba {version('numba')}, llvmlite {version('llvmlite')}".encode() in code
-
-
-def test_its_answer_needs_no_numba(toy: Toy, tmp_path: Path) -> None:
-    assert toy().functions.weigh
-    code = "import sys; from toy.library import LIBRARY; LIBRARY.functions.weigh; print('numba' in sys.modules)"
+    assert len(set(codes)) == len(BASELINES)
+    assert library.compiled(RUN_HERE[:1])[RUN_HERE[0]] == library.machine_code(RUN_HERE[0])  # the same alone
+    script = "import sys; from toy.library import LIBRARY; LIBRARY.functions.weigh; print('numba' in sys.modules)"
     path = os.pathsep.join([str(tmp_path), *sys.path])
-    run = [sys.executable, "-c", code]
+    run = [sys.executable, "-c", script]
     done = subprocess.run(run, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False"]
+    assert done.stdout.split() == ["False"]  # what is kept needs no numba
 
 
-@pytest.mark.parametrize(
-    ("line", "wanted"),
-    [
-        ("sample.weights[:] = np.ones(len(sample.weights)) * shift", "NRT_MemInfo_alloc"),
-        ("if shift > 1e6: raise ValueError('too far')", "PyErr_Clear"),
-    ],
-)
-def test_functions_neither_allocate_nor_raise(
-    toy: Toy, capfd: pytest.CaptureFixture[str], line: str, wanted: str
-) -> None:
-    library = toy(KERNEL.replace("total = 0.0\n", f"{line}\n    total = 0.0\n"))
+def test_functions_neither_allocate_nor_raise(toy: Toy, capfd: pytest.CaptureFixture[str]) -> None:
+    allocates, raises = (
+        "sample.weights[:] = np.ones(len(sample.weights)) * shift",
+        "if shift > 1e6: raise ValueError('far')",
+    )
+    library = toy(KERNEL.replace("total = 0.0\n", f"{allocates}\n    {raises}\n    total = 0.0\n"))
     with pytest.raises(subprocess.CalledProcessError, match="non-zero exit status 1"):
         library.compiled(BASELINES)
     said = capfd.readouterr().err
     assert "toy: kernels must not allocate or raise, but want" in said
-    assert wanted in said
+    assert "NRT_MemInfo_alloc" in said
+    assert "PyErr_Clear" in said
 
 
 def test_no_source_is_forgotten(toy: Toy, capfd: pytest.CaptureFixture[str]) -> None:
