@@ -24,7 +24,7 @@ from handfast.core.libraries import patient_interrupt
 COMMANDS = {  # "module:class" of each; a module is imported when its command is asked for
     "check": "questions:Check",
     "max": "questions:Max",
-    "torques": "questions:Torques",
+    "torques": "questions:LeastTorques",
     "hold": "hold:Hold",
     "map": "maps:Map",
     "sweep": "maps:Sweep",

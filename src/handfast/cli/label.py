@@ -13,7 +13,7 @@ from tyro.conf import Positional, UseAppendAction, arg
 from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.load_options import JointLawOptions
-from handfast.cli.options import ALL, Assignments, Command, Gravity, Printed, Triple, WorkOptions, assigned
+from handfast.cli.options import ALL, Assignments, Command, Gravity, JsonOptions, Triple, WorkOptions, assigned
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
 from handfast.datasets.dataset_rows import GraspChanges
@@ -36,7 +36,7 @@ LOG = 60.0  # [s] between lines of progress at most, where there is no terminal
 
 
 @dataclass(kw_only=True)
-class Label(JointLawOptions, WorkOptions, Printed, Command):
+class Label(JointLawOptions, WorkOptions, JsonOptions, Command):
     """Labels for every grasp of a dataset: what it holds, by how much, with which commands.
 
     DATASET is a folder or JSON lines of grasp files, or a table (.npz, .parquet) of joint values and object poses of a

@@ -196,7 +196,7 @@ class Load(WeightOptions):
 
 
 @dataclass(kw_only=True)
-class Direction(WeightOptions):
+class LoadDirection(WeightOptions):
     """What a disturbance is a multiple of: a wrench, or the weight of the object."""
 
     one_of = "--direction FX FY FZ TX TY TZ", "--gravity GX GY GZ"

@@ -257,7 +257,7 @@ class WorkOptions:
 
 
 @dataclass(kw_only=True)
-class Printed:
+class JsonOptions:
     """An answer in words or for programs."""
 
     json: bool = False
@@ -267,7 +267,7 @@ class Printed:
 
 
 @dataclass(kw_only=True)
-class Reported(Printed):
+class Reported(JsonOptions):
     """A page about the answer."""
 
     report: Annotated[Path | None, arg(metavar="FILE.html"), EndsIn((".html", ".htm"))] = None

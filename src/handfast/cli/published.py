@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.load_options import JointLawOptions
-from handfast.cli.options import Command, Printed, WorkOptions
+from handfast.cli.options import Command, JsonOptions, WorkOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.datasets.published.exporting import ENDING, export, exported_from
@@ -28,7 +28,7 @@ from handfast.readers.load_hand import load_hand
 
 
 @dataclass(kw_only=True)
-class ImportGrasps(JointLawOptions, WorkOptions, Printed, Command):
+class ImportGrasps(JointLawOptions, WorkOptions, JsonOptions, Command):
     """Published grasps as configurations and grasp files: DexGraspNet, BODex, DexGraspBench, Dexonomy, GraspQP, \
 MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
 

@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from handfast.cli import console, tables
 from handfast.cli.console import Watch
-from handfast.cli.load_options import Direction, Disturbances, Load
+from handfast.cli.load_options import Disturbances, Load, LoadDirection
 from handfast.cli.options import FrictionModel, LoadingOrder, QueryOptions, Saved, Wrench
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
@@ -85,7 +85,7 @@ class Check(Disturbances, QueryOptions, Saved, LoadingOrder, FrictionModel):
 
 
 @dataclass(kw_only=True)
-class Max(Direction, QueryOptions, Saved, LoadingOrder, FrictionModel):
+class Max(LoadDirection, QueryOptions, Saved, LoadingOrder, FrictionModel):
     """How large a disturbance along a direction does the grasp resist?
 
     The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
@@ -114,7 +114,7 @@ class Max(Direction, QueryOptions, Saved, LoadingOrder, FrictionModel):
 
 
 @dataclass(kw_only=True)
-class Torques(Load, QueryOptions, Saved):
+class LeastTorques(Load, QueryOptions, Saved):
     """Which motor commands resist this disturbance with the least effort?
 
     Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none.

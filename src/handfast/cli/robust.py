@@ -11,7 +11,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.console import table
-from handfast.cli.load_options import Direction
+from handfast.cli.load_options import LoadDirection
 from handfast.cli.options import EndsIn, GraspOptions, Reported, Wrench, write_as
 from handfast.core.errors import InputError
 from handfast.pictures import Entry
@@ -21,7 +21,7 @@ from handfast.stability.studies.sampled_maximum import Perturbation, SampledMaxi
 
 
 @dataclass(kw_only=True)
-class Robust(Direction, GraspOptions, Reported):
+class Robust(LoadDirection, GraspOptions, Reported):
     """How large a disturbance do grasps resist that are off by no more than stated bounds?
 
     Contacts, normals, friction and commands are drawn at random within them, each by itself. Beside the spread stands

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.load_options import load_object, load_placed
-from handfast.cli.options import Command, EndsIn, Printed
+from handfast.cli.options import Command, EndsIn, JsonOptions
 from handfast.core.errors import InputError
 from handfast.pictures import hand_rows
 from handfast.pictures.hand_facts import ShownHand, facts_of, shown_hand, to_json
@@ -24,7 +24,7 @@ MANY = 30  # pairs of links that are listed
 
 
 @dataclass(kw_only=True)
-class Show(Printed, Command):
+class Show(JsonOptions, Command):
     """Show a hand: joints, senses, couplings, the guessed palm, fingers and regions; as a page to be turned with -o.
 
     Look at a new hand before you plan with it: what is guessed wrong can be stated.

@@ -151,7 +151,7 @@ def hand_from_structure(
     for finger in fingers:
         if finger not in FINGERS:
             raise unknown_name("finger", finger, FINGERS, field="fingers")
-    made = _Parts([Link("palm", -1, np.eye(4), (), (_palm(size),))])
+    made = _HandParts([Link("palm", -1, np.eye(4), (), (_palm(size),))])
     across = [f for f in FINGERS if f in fingers and f != "thumb"]
     spread = np.linspace(-size.palm[1] / 2, size.palm[1] / 2, len(across)) if len(across) > 1 else np.zeros(1)
     for finger, y in zip(across, spread, strict=False):
@@ -170,7 +170,7 @@ def hand_from_structure(
 
 
 @dataclass
-class _Parts:
+class _HandParts:
     """What has been built so far."""
 
     links: list[Link]
@@ -207,7 +207,7 @@ def _parsed(finger: str, structure: str) -> tuple[list[tuple[str, int]], bool]:
     return joints, hinge
 
 
-def _finger(made: _Parts, finger: str, structure: str, y: float, size: Dimensions) -> None:
+def _finger(made: _HandParts, finger: str, structure: str, y: float, size: Dimensions) -> None:
     joints, hinge = _parsed(finger, structure)
     parent, pose, lengths = 0, _root(finger, y, size, hinge), list(size.thumb if finger == "thumb" else size.finger)
     if hinge:
