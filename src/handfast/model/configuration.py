@@ -32,6 +32,11 @@ class PoseFile(Strict):
             raise ValueError(f"quaternion has length {length:.4g}; a unit quaternion w, x, y, z is needed")
         return self
 
+    @classmethod
+    def of(cls, pose: Array) -> PoseFile:
+        """From (4, 4)."""
+        return cls(position=tuple(pose[:3, 3]), quaternion=tuple(matrix_quaternion(pose[:3, :3])))
+
     @property
     def matrix(self) -> Array:
         """(4, 4)."""
@@ -60,7 +65,7 @@ class Configuration(Strict):
     @classmethod
     def of(cls, hand: Hand, q: Array, object_pose: Array, /, **others: Any) -> Configuration:
         """The configuration of a hand at q (l,) with the object at a pose (4, 4) in its base frame."""
-        pose = PoseFile(position=tuple(object_pose[:3, 3]), quaternion=tuple(matrix_quaternion(object_pose[:3, :3])))
+        pose = PoseFile.of(object_pose)
         return cls(schema="handfast/configuration/1", joints=hand.values(q), object_pose=pose, **others)
 
     @property

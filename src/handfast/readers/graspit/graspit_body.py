@@ -163,17 +163,10 @@ class GraspitBody:
         if material not in MATERIALS:
             raise InputError(f"is '{material}'; known: {', '.join(MATERIALS)}", field="material")
         mass = numbers_in(text_of(root, "mass"), 1, "mass")[0] * MILLI if text_of(root, "mass") else None
-        cog = text_of(root, "cog")
-        offset = root.find("geometryOffset")
-        return cls(
-            path,
-            geometry,
-            MILLI * scale,
-            np.eye(4) if offset is None else pose_of(offset, "geometryOffset"),
-            material,
-            mass,
-            MILLI * np.array(numbers_in(cog, 3, "cog")) if cog else None,
-        )
+        cog, offset = text_of(root, "cog"), root.find("geometryOffset")
+        center = MILLI * np.array(numbers_in(cog, 3, "cog")) if cog else None
+        place = np.eye(4) if offset is None else pose_of(offset, "geometryOffset")
+        return cls(path, geometry, MILLI * scale, place, material, mass, center)
 
     def groups(self) -> list[Mesh]:
         """The surfaces of the geometry [m], before the offset; none if the file is empty."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 import os
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from handfast.core.errors import FaultsOf, InputError
-from handfast.core.transforms import matrix_quaternion
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration, PoseFile
 from handfast.model.hand.hand import Hand
@@ -78,15 +78,9 @@ def _read(root: Element, path: Path, chosen: tuple[str, ...]) -> Configuration:
     pose = np.linalg.inv(pose_of(robot, "robot")) @ pose_of(body, "graspableBody")
     with FaultsOf(robot_path):
         dofs, parts = read_dofs(parse(robot_path, ("robot",)))
-    flat = [p for part in parts for p in part]
-    place = PoseFile(position=tuple(pose[:3, 3]), quaternion=tuple(matrix_quaternion(pose[:3, :3])))
-    return Configuration(
-        schema="handfast/configuration/1",
-        hand=str(robot_path),
-        object=str(body_path),
-        joints=joint_values(text_of(robot, "dofValues"), dofs, flat),
-        object_pose=place,
-    )
+    joints = joint_values(text_of(robot, "dofValues"), dofs, [p for part in parts for p in part])
+    named: dict[str, Any] = {"hand": str(robot_path), "object": str(body_path), "joints": joints}
+    return Configuration(schema="handfast/configuration/1", **named, object_pose=PoseFile.of(pose))
 
 
 def _name(e: Element) -> str:
