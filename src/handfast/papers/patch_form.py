@@ -112,15 +112,9 @@ def _of_cap(cap: Cap, pose: Array, unit: float) -> PatchForm:
         x[1, 0, 0], x[0, 1, 1] = 2, 2
         x[0, 0, 2], x[2, 0, 2], x[0, 2, 2] = 1, -1, -1
     S = _to_bernstein(len(x) - 1, T)
-    turn = cap.sign * R @ cap.frame
-    normals = np.einsum("ai,bj,ijk,lk->abl", S, S, x, turn)
-    longest = (1 + T**2) ** (2 if steep else 1) * (1 + COEFFICIENT_ROUNDING)
+    normals = np.einsum("ai,bj,ijk,lk->abl", S, S, x, cap.sign * R @ cap.frame)
     unit_box = _directions(cap.sign * R @ cap.axis, cap.half_angle)
-    ends = center + radius * unit_box
-    point_box = np.array([ends.min(axis=0) - COEFFICIENT_ROUNDING, ends.max(axis=0) + COEFFICIENT_ROUNDING])
-    normal_box = np.array([np.maximum(-longest, hull_box(normals)[0]), np.minimum(longest, hull_box(normals)[1])])
-    norm = (1.0 - COEFFICIENT_ROUNDING, longest)
-    return PatchForm("cap", normals, None, center, np.zeros(3), radius, norm, point_box, normal_box, unit_box)
+    return _of_round("cap", normals, (center, np.zeros(3), radius), (steep, T), unit_box)
 
 
 def _of_cylinder_side(side: CylinderSide, pose: Array, unit: float) -> PatchForm:
@@ -135,16 +129,24 @@ def _of_cylinder_side(side: CylinderSide, pose: Array, unit: float) -> PatchForm
     turn = side.sign * R @ side.frame[:, :2] @ to_middle  # (3, 2)
     row = _to_bernstein(len(x) - 1, T) @ x @ turn.T
     normals = np.stack([row, row], axis=1)
-    longest = (1 + T**2) ** (2 if steep else 1) * (1 + COEFFICIENT_ROUNDING)
     # each component is a wave of the angle, whose crest is so far from the middle
     high, crest = np.hypot(*turn.T), np.abs(np.arctan2(turn[:, 1], turn[:, 0]))
     ends = np.minimum(crest + side.turn / 2, np.pi), np.maximum(crest - side.turn / 2, 0.0)
     unit_box = np.array([high * np.cos(ends[0]) - COEFFICIENT_ROUNDING, high * np.cos(ends[1]) + COEFFICIENT_ROUNDING])
+    return _of_round("cylinder side", normals, (center, along, radius), (steep, T), unit_box)
+
+
+def _of_round(
+    name: str, normals: Array, surface: tuple[Array, Array, float], mapped: tuple[bool, float], unit_box: Array
+) -> PatchForm:
+    """With the boxes of a surface of center, along and radius, whose normals go through one of the two maps."""
+    (center, along, radius), (steep, T) = surface, mapped
+    longest = (1 + T**2) ** (2 if steep else 1) * (1 + COEFFICIENT_ROUNDING)
     spots = np.array([center + v * along + radius * end for v in (0, 1) for end in unit_box])
     point_box = np.array([spots.min(axis=0) - COEFFICIENT_ROUNDING, spots.max(axis=0) + COEFFICIENT_ROUNDING])
     normal_box = np.array([np.maximum(-longest, hull_box(normals)[0]), np.minimum(longest, hull_box(normals)[1])])
     norm = (1.0 - COEFFICIENT_ROUNDING, longest)
-    return PatchForm("cylinder side", normals, None, center, along, radius, norm, point_box, normal_box, unit_box)
+    return PatchForm(name, normals, None, center, along, radius, norm, point_box, normal_box, unit_box)
 
 
 def cap_parameters(cap: Cap, direction: Array) -> tuple[float, float]:

@@ -11,12 +11,12 @@ from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.geometry.contacts import grasp_of
 from handfast.model.body import Body
-from handfast.model.grasp import Contact
 from handfast.pictures import Entry, words, write_report
 from handfast.pictures.grasp_picture import draw_scene
 from handfast.pictures.page import render, shown_loads
 from handfast.pictures.scene import DrawnScene, ShownGrasp, link_meshes, link_poses, scene_meshes
 from handfast.pictures.words import laws_text, num
+from handfast.planning.evaluation.evaluator import contacts_at
 from handfast.planning.propose_tasks import Proposals
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.plan import Plan
@@ -100,11 +100,7 @@ def report_synthesis(path: str | Path, answer: Synthesis, *, force: bool = False
 def _configuration(solution: Solution, body: Body | None, name: str, said: str) -> ShownGrasp:
     """A configuration with its contacts, object frame."""
     hand, pose = solution.task.hand, solution.pose
-    R, friction = pose[:3, :3], 0.5 if body is None else body.friction
-    contacts = [
-        Contact(R.T @ (point - pose[:3, 3]), R.T @ normal, friction, pair.link)
-        for pair, point, normal in zip(solution.task.contact_pairs, solution.points, solution.normals, strict=True)
-    ]
+    contacts = contacts_at(solution, 0.5 if body is None else body.friction)
     grasp = grasp_of(hand, solution.q, contacts, pose, name=name)
     return ShownGrasp(grasp, (), name, said, link_poses(hand, solution.q, pose))
 

@@ -22,6 +22,7 @@ FILL = {BLUE: "#6c9fd6", MAROON: MAROON}  # far apart in lightness too, for prin
 WEAK = "#d0021b"
 HELD = {"enough": (INK, 1.2, "-"), "weak": (WEAK, 4.5, "-"), "open": (AMBER, 3.0, ":")}  # arcs of the weight's circle
 HOLE: dict[str, Any] = {"fc": "#ffffff", "ec": WEAK, "hatch": "xxxx", "lw": 0.0}
+OPEN: dict[str, Any] = {"fc": "#bdbdbd", "ec": "#5c5c5c", "hatch": "////", "lw": 0.0}  # what is not decided
 FEW = 72  # directions; up to here each one is marked by a dot
 
 
@@ -99,44 +100,42 @@ def _region(ax: Any, d: Array, curve: Curve, radius: float, color: str, order: i
         ax.plot(*outline[inside].T, "o", ms=3.2, mfc="white", mec=color, mew=0.9, zorder=order + 3)
 
 
+def _sectors(d: Array) -> list[tuple[float, float]]:
+    """From and to which angle [degrees] the picture shows each direction."""
+    half = 180.0 / len(d)
+    return [(float(a) - half, float(a) + half) for a in np.degrees(np.arctan2(d[:, 1], d[:, 0]))]
+
+
 def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> int:
     """Hatch from what is resisted to what may be; returns how many of these can be seen."""
     seen = 0
-    half = 180.0 / len(d)
-    for k, state in enumerate(sentences.curve_states(curve)):
+    for k, (state, sector) in enumerate(zip(sentences.curve_states(curve), _sectors(d), strict=True)):
         if state != "open":
             continue
-        angle = float(np.degrees(np.arctan2(d[k, 1], d[k, 0])))
         low = float(np.nan_to_num(curve.lower[k]))
         high = float(min(np.nan_to_num(curve.upper[k], nan=np.inf, posinf=np.inf), 4 * radius))
         seen += low < 1.42 * radius
-        style = {"fc": "#bdbdbd", "alpha": 0.75, "ec": "#5c5c5c", "hatch": "////", "lw": 0.0, "zorder": 5}
-        ax.add_patch(Wedge((0, 0), high, angle - half, angle + half, width=high - low, **style))
+        ax.add_patch(Wedge((0, 0), high, *sector, width=high - low, alpha=0.75, zorder=5, **OPEN))
     return seen
 
 
 def _holes(ax: Any, d: Array, curve: Curve, radius: float) -> int:
     """Hatch the forces that slip though larger ones are resisted; returns how many of these can be seen."""
     seen = 0
-    half = 180.0 / len(d)
-    for (x, y), shown in zip(d, curve.intervals, strict=False):
-        angle = float(np.degrees(np.arctan2(y, x)))
+    for sector, shown in zip(_sectors(d), curve.intervals, strict=False):
         for first, last in shown.holes if shown else ():
             high = min(last, 4 * radius)
             if first < high:
                 seen += first < 1.42 * radius
-                width = high - first
-                ax.add_patch(Wedge((0, 0), high, angle - half, angle + half, width=width, zorder=5, **HOLE))
+                ax.add_patch(Wedge((0, 0), high, *sector, width=high - first, zorder=5, **HOLE))
     return seen
 
 
 def _circle(ax: Any, d: Array, curve: Curve, weight: float) -> None:
     """The object's weight, arc by arc: is as much resisted in that direction?"""
-    half = 180.0 / len(d)
-    for (x, y), state in zip(d, sentences.weight_states(curve, weight), strict=True):
-        angle = float(np.degrees(np.arctan2(y, x)))
+    for (first, last), state in zip(_sectors(d), sentences.weight_states(curve, weight), strict=True):
         color, width, dash = HELD[state]
-        arc = Arc((0, 0), 2 * weight, 2 * weight, theta1=angle - half, theta2=angle + half)
+        arc = Arc((0, 0), 2 * weight, 2 * weight, theta1=first, theta2=last)
         arc.set(color=color, lw=width, ls=dash, zorder=8)
         ax.add_patch(arc)
 
@@ -159,7 +158,7 @@ def _map_key(
     if answer.preloaded is not None:
         entries.append(Patch(fc=MAROON, label="added by the preload"))
     if hatched:
-        entries.append(Patch(fc="#bdbdbd", ec="#5c5c5c", hatch="////", lw=0, label="not decided"))
+        entries.append(Patch(label="not decided", **OPEN))
     if holed:
         entries.append(Patch(label="slips, though more is resisted", **HOLE))
     if len(answer.directions) <= FEW:

@@ -110,9 +110,9 @@ def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, sti
     return assembled(spec, grasp, free, names, force, stiffness)
 
 
-def link_friction(grasp: Grasp) -> Mapping[str, float]:
-    """The friction of every link: the least of its contacts, of one without a contact the mean of all."""
-    found: dict[str, float] = defaultdict(lambda: float(grasp.mu.mean()))
+def link_friction(grasp: Grasp, otherwise: float | None = None) -> Mapping[str | None, float]:
+    """The friction of every link: the least of its contacts; `otherwise`, or the mean of all, of one without any."""
+    found: dict[str | None, float] = defaultdict(lambda: float(grasp.mu.mean()) if otherwise is None else otherwise)
     for c in grasp.contacts:
         found[c.link] = min(found.get(c.link, np.inf), c.friction)
     return found

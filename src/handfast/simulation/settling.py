@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,9 +16,10 @@ from handfast.geometry.contacts import THRESHOLD, contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration
-from handfast.model.grasp import Contact, Grasp
+from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.readers.configuration_file import load_parts
+from handfast.simulation.bodies import link_friction
 from handfast.simulation.hand_drive import (
     MotorDrive,
     backdrivable_motors,
@@ -162,9 +163,10 @@ def _asked_again(
     if after is None:
         notes = (*notes, "no forces whatever at the contacts found at rest balance the load exactly")
     most, simulated = _judged(last, wrench, settings) if judge else (None, "")
+    closing = {j.name: int(s) for j, s in zip(placed.hand.joints, placed.hand.closing, strict=True)}
     configuration = Configuration.of(
         placed.hand, motion.q, motion.pose, hand=placed.names[0], object=placed.names[1],
-        closing=_closing(placed.hand), preload=last.preload or None,
+        closing=closing, preload=last.preload or None,
     )  # fmt: skip
     rest = Rest.SETTLES if after is not None and after.verdict is Verdict.HOLDS else Rest.RESTS
     return replace(
@@ -198,18 +200,8 @@ def _motion(placed: GraspInScene, load: PointLoad, units: tuple[float, float]) -
     )
     near = placed.scene.nearest(placed.q, placed.pose, THRESHOLD)
     rest = {(p.link, p.shape, p.piece): -p.distance for p in near}
-    return SlowMotion(
-        placed.scene, placed.q, placed.pose, drive, load, units, _friction(grasp), grasp.positions.mean(axis=0), rest,
-    )  # fmt: skip
-
-
-def _friction(grasp: Grasp) -> dict[str, float]:
-    """By link; the least of a link's contacts, and of all for links without one."""
-    found: dict[str, float] = {"": float(grasp.mu.min())}
-    for c in grasp.contacts:
-        if c.link:
-            found[c.link] = min(found.get(c.link, np.inf), c.friction)
-    return found
+    friction, middle = link_friction(grasp, float(grasp.mu.min())), grasp.positions.mean(axis=0)
+    return SlowMotion(placed.scene, placed.q, placed.pose, drive, load, units, friction, middle, rest)
 
 
 def _followed(
@@ -276,8 +268,8 @@ def _last(placed: GraspInScene, motion: SlowMotion) -> Grasp | None:
         )  # fmt: skip
     except InputError:
         return None
-    mu = _friction(placed.grasp)
-    contacts = [_rubbing(c, mu) for c in bare.contacts]
+    mu = link_friction(placed.grasp, float(placed.grasp.mu.min()))
+    contacts = [replace(c, friction=mu[c.link]) for c in bare.contacts]
     kept = {n: f for n, f in placed.grasp.preload.items() if n in bare.mechanism.actuators}
     last = Grasp(contacts, bare.joints, bare.mechanism, kept, bare.name)
     mass = placed.grasp.mass if placed.grasp.mass is not None else bare.mass
@@ -285,19 +277,11 @@ def _last(placed: GraspInScene, motion: SlowMotion) -> Grasp | None:
     return last.about(mass=mass, center_of_mass=centre, provenance=bare.provenance)
 
 
-def _rubbing(contact: Contact, mu: Mapping[str, float]) -> Contact:
-    return replace(contact, friction=mu.get(contact.link, mu[""]))
-
-
 def _judged(last: Grasp, wrench: Array, settings: Settings) -> tuple[MaxAnswer | None, str]:
     """How much of the load the last grasp resists, and how a simulation of it ends."""
     asked = wrench.any() and not scaled_problem.unbalanced(last, wrench)
     most = maximum(last, wrench, settings=settings) if asked else None
     return most, str(simulate(last, wrench, ramp=4.0).ending)
-
-
-def _closing(hand: Hand) -> dict[str, int]:
-    return {j.name: int(s) for j, s in zip(hand.joints, hand.closing, strict=True)}
 
 
 def _notes(placed: GraspInScene) -> tuple[str, ...]:

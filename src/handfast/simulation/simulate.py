@@ -47,7 +47,7 @@ def simulate(
     ramp: float = 8.0,
     step: float = STEP,
     stiffness: float = STIFFNESS,
-    on_progress: Callable[[float, float], None] | None = None,
+    on_progress: OnTime | None = None,
     start: tuple[Array, Array] | None = None,
 ) -> SimulationResult:
     """Does the grasp resist the wrench in a simulation of its contacts (mujoco)?
@@ -71,8 +71,7 @@ def simulate(
     Raises:
         InputError: a wrench of another length, a load and commands that are all zero, times that are not above 0.
     """
-    w = checked_wrench(wrench)
-    checked_times(ramp, step, stiffness, loading)
+    w = _checked(wrench, ramp, step, stiffness, loading)
     unit = force_unit(grasp, w)
     twin = build_twin(grasp, unit, step=step, stiffness=stiffness)
     stepper = Stepper(twin, grasp, twin.scaled(w))
@@ -92,8 +91,8 @@ def simulate(
     return recording.result(grasp, w, loading, twin, stiffness)
 
 
-def checked_times(ramp: float, step: float, stiffness: float, loading: str) -> None:
-    """Raises `InputError` for numbers that are not above 0, a ramp without end, and an unknown way of loading."""
+def _checked(wrench: Sequence[float] | Array, ramp: float, step: float, stiffness: float, loading: str) -> Array:
+    """(6,) the load; `InputError` for numbers that are not above 0, a ramp without end, an unknown way of loading."""
     for name, value in (("ramp", ramp), ("step", step), ("stiffness", stiffness)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"is {value}; a number above 0 is needed", field=name)
@@ -101,10 +100,6 @@ def checked_times(ramp: float, step: float, stiffness: float, loading: str) -> N
         raise InputError(f"is {ramp:g}; at most {SLOWEST:g} s are possible", field="ramp")
     if loading not in ("preload-first", "together"):
         raise InputError(f"is '{loading}'; 'preload-first' or 'together' is needed", field="loading")
-
-
-def checked_wrench(wrench: Sequence[float] | Array) -> Array:
-    """(6,) of six numbers, or of a force; raises `InputError` for others."""
     return frozen(scaled_problem.as_wrench(wrench), (6,), "wrench")
 
 
@@ -144,7 +139,7 @@ def simulate_bodies(
     ramp: float = 8.0,
     step: float = STEP,
     stiffness: float = STIFFNESS,
-    on_progress: Callable[[float, float], None] | None = None,
+    on_progress: OnTime | None = None,
     bodies: Bodies | None = None,
 ) -> SimulationResult:
     """Do hand and object themselves resist the wrench? Where they touch is found by the engine as they move.
@@ -156,8 +151,7 @@ def simulate_bodies(
     Raises:
         InputError: as `simulate` does; hand or object are not known or not those of this grasp.
     """
-    w = checked_wrench(wrench)
-    checked_times(ramp, step, stiffness, loading)
+    w = _checked(wrench, ramp, step, stiffness, loading)
     twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), step=step, stiffness=stiffness)
     first = loading == "preload-first"
     recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, ramp + HOLD + PRELOAD, on_progress)

@@ -79,13 +79,13 @@ class SlowMotion:
 
     def __init__(
         self, scene: Scene, q: Array, pose: Array, drive: MotorDrive, load: PointLoad, units: tuple[float, float],
-        friction: Mapping[str, float], middle: Array, rest: dict[Pair, float],
+        friction: Mapping[str | None, float], middle: Array, rest: dict[Pair, float],
     ) -> None:  # fmt: skip
         """At rest, untouched.
 
         Args:
             units: force [N] and length [m].
-            friction: coefficient by link; "" for all others.
+            friction: coefficient by link.
             middle: (3,) [m] of the contacts, object frame: the point at which the object is dragged.
             rest: depths at which pairs of solids touch.
         """
@@ -93,7 +93,7 @@ class SlowMotion:
         self.q, self.pose = np.array(q, dtype=float), np.array(pose, dtype=float)
         self.force, self.length = units
         self.share, self.driven, self.winding = 0.0, 0.0, False
-        self._mu = [friction.get(link.name, friction[""]) for link in self.hand.links]
+        self._mu = [friction[link.name] for link in self.hand.links]
         self._middle, self._rest = middle, rest
         self._unit = np.array([1.0 if j.type == "revolute" else self.length for j in self.hand.joints])
         self._sense = np.where(drive.command < 0, -1.0, 1.0)
@@ -288,11 +288,7 @@ def touch_points(scene: Scene, q: Array, pose: Array, reach: float, rest: dict[P
     found = scene.nearest(q, pose, reach + max([0.0, *(-d for d in rest.values())]))
     link_poses = scene.placed
     pieces = [piece.placed(pose) for piece in scene.body.pieces]
-    positions: list[Array] = []
-    frames: list[Array] = []
-    depths: list[float] = []
-    links: list[int] = []
-    pairs: list[Pair] = []
+    points: list[tuple[Array, Array, float, Pair]] = []
     solids: dict[int, list[Shape]] = {}
     for p in found:
         key = (p.link, p.shape, p.piece)
@@ -301,18 +297,13 @@ def touch_points(scene: Scene, q: Array, pose: Array, reach: float, rest: dict[P
             continue
         if p.link not in solids:
             solids[p.link] = [s.placed(link_poses[p.link]) for s in scene.hand.links[p.link].shapes]
-        at, below = _points(p, solids[p.link], pieces)
+        corners, below = _points(p, solids[p.link], pieces)
         frame = normal_frame(p.normal)
-        for point, lower in zip(at, below, strict=True):
-            positions.append(point)
-            frames.append(frame)
-            depths.append(deepest - lower)
-            links.append(p.link)
-            pairs.append(key)
-    n = len(depths)
+        points += [(point, frame, deepest - lower, key) for point, lower in zip(corners, below, strict=True)]
+    n, (at, frames, depths, pairs) = len(points), zip(*points, strict=True) if points else ((),) * 4
     return TouchPoints(
-        np.array(positions).reshape(n, 3), np.array(frames).reshape(n, 3, 3), np.array(depths, dtype=float),
-        np.array(links, dtype=np.intp), tuple(pairs),
+        np.array(at).reshape(n, 3), np.array(frames).reshape(n, 3, 3), np.array(depths, dtype=float),
+        np.array([link for link, *_ in pairs], dtype=np.intp), tuple(pairs),
     )  # fmt: skip
 
 
