@@ -1,6 +1,6 @@
 """Questions as users ask them, by families of fresh grasps: processor time beside an aim, the worst family first.
 
-    python -m benchmarks.users [--only WORD ...] [--count 200] [--before ../before] [--rounds 3]
+    python -m benchmarks.users [--only WORD ...] [--count 200] [--before ../before] [--rounds 3] [--published FOLDER]
     python -m benchmarks.users --peers 3 [--peer-limit 150]
 
 Every family draws its grasps by seeds of its own, `FIRST` and on, which no other script has and nothing was tuned on;
@@ -12,7 +12,11 @@ nothing of them is known yet.
   (`batch`), and by `prepare` one by one (`alone`);
 - `next`: a prepared grasp under a load that changes slowly and holds, or slips (with its proof replayed); medians of
   each grasp;
-- `dense`: six maxima of a grasp of 8 to 12 contacts, one by one, proofs not replayed.
+- `dense`: six maxima of a grasp of 8 to 12 contacts, one by one, proofs not replayed;
+- `torques`: the least commands for a random load, with their proof replayed, and for Table II's wrenches on its two
+  grasps of six contacts; with `--published FOLDER` (`handfast import ... --mass 0.1 -o FOLDER`) for the weight of
+  every tenth grasp of a published set;
+- `label`: a whole label of a random grasp, and of every tenth published one, which comes without commands.
 
 With --before, another checkout (as `git worktree add` makes it) answers the same questions turn by turn, in a process
 of its own. `times` is the median of the ratios of neighbouring turns; `same` counts answers that are equal to the last
@@ -29,7 +33,7 @@ import os
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,10 +43,15 @@ import numpy as np
 from benchmarks.batches import peer, timed
 from benchmarks.grasps import Case, presses, random_case
 from benchmarks.machine import describe, revision
-from handfast import check_many, max_many, maximum, prepare
+from handfast import check_many, load_grasp, max_many, maximum, prepare, torques
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.datasets.labels.label_columns import WRENCHES, wrench_column
+from handfast.datasets.labels.labeller import Labelling, center_of, force_at, label
 from handfast.model.grasp import Grasp
+from handfast.papers.stability_tables import task_questions
+from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "users.json"
@@ -51,6 +60,8 @@ FIRST = 7_700_000  # seeds from here on
 SHARE = 0.3  # of the largest load: what a prepared grasp holds; it slips under the largest over this
 STEPS = 40  # of a changing load
 FEW, DENSE = 20, 6  # grasps of families that take longer
+EVERY = 10  # of so many published grasps one is asked
+PUBLISHED = "HANDFAST_PUBLISHED"  # environment variable: their folder
 LATE = 5.0  # [s] of a maximum for which a grasp is not drawn: whether it is bounded stays open
 QUICK = Settings(verify=False, jobs=1, timeout=20.0)
 
@@ -101,6 +112,15 @@ def _drawn(m: int, count: int, wrapped: bool = False) -> list[tuple[int, float]]
 
 
 # --- the families -------------------------------------------------------------------------------
+
+
+def published() -> list[Grasp]:
+    """Every tenth grasp of the folder that is given."""
+    folder = Path(os.environ.get(PUBLISHED, ""))
+    files = sorted(folder.glob("*.grasp.json"))[::EVERY]
+    if PUBLISHED not in os.environ or not files:
+        raise InputError("has no grasps; `handfast import` writes some", field="--published")
+    return [load_grasp(str(file)) for file in files]
 
 
 def said(found: Any) -> list[list[Any]]:
@@ -201,6 +221,61 @@ def dense(m: int, wrapped: bool) -> Callable[[int], Measured]:
     return ask
 
 
+def least_commands(questions: Iterable[tuple[Grasp, Array]]) -> Measured:
+    """`torques` of each, one by one; loads that no forces at the contacts balance are none."""
+    out = Measured([], [])
+    for grasp, wrench in questions:
+        if not unbalanced(grasp, wrench):
+            found, spent = timed(partial(torques, grasp, wrench, settings=Settings(jobs=1, timeout=20.0)))
+            out.seconds.append(spent)
+            out.answers.extend(said(found))
+    return out
+
+
+def random_torques(m: int) -> Callable[[int], Measured]:
+    """Of fresh grasps under a share of their largest loads."""
+
+    def ask(count: int) -> Measured:
+        cases, known = bounded(m, min(count, FEW)), _drawn(m, min(count, FEW))
+        return least_commands((c.grasp, SHARE * s * c.direction) for c, (_, s) in zip(cases, known, strict=True))
+
+    return ask
+
+
+def table2_torques(count: int) -> Measured:
+    """Of Table II, on its grasps of six contacts."""
+    some = [q for name in ("bottle", "torch") for q in task_questions(name) if q.task == "torques"]
+    return least_commands((q.grasp, q.wrench) for q in some[:count])
+
+
+def published_torques(count: int) -> Measured:
+    """For the weight along -z of published grasps."""
+    down = np.array([0.0, 0.0, -9.81])
+    return least_commands((g, g.mass * force_at(down, center_of(g))) for g in published()[:count] if g.mass)
+
+
+def labels_of(grasps: Iterable[Grasp]) -> Measured:
+    """A whole label of each; what was answered are the verdict and the bounds of the smallest commands."""
+    out = Measured([], [])
+    for grasp in grasps:
+        row, spent = timed(partial(label, grasp, Labelling()))
+        out.seconds.append(spent)
+        least = [row["verdict"], row["largest_command_lower"], row["largest_command"]]
+        pulls = [[row["verdict"], row[wrench_column(w)], row[f"{wrench_column(w)}_upper"]] for w in WRENCHES]
+        out.answers.extend([least, *pulls])
+    return out
+
+
+def random_labels(m: int) -> Callable[[int], Measured]:
+    """Of fresh grasps that hold their weight: a share of the largest pull."""
+
+    def ask(count: int) -> Measured:
+        cases, known = bounded(m, min(count, FEW)), _drawn(m, min(count, FEW))
+        return labels_of(c.grasp.about(mass=SHARE * s / 9.81) for c, (_, s) in zip(cases, known, strict=True))
+
+    return ask
+
+
 FAMILIES: dict[str, Family] = {
     "many, 3 contacts": Family(many(3), 2_000, 3),
     "many, 4 contacts": Family(many(4), 10_000, 4),
@@ -212,6 +287,11 @@ FAMILIES: dict[str, Family] = {
     "dense, 8 contacts": Family(dense(8, False), 60.0),
     "dense, 10 contacts": Family(dense(10, True), 60.0),
     "dense, 12 contacts": Family(dense(12, True), 60.0),
+    **{f"torques, {m} contacts": Family(random_torques(m), 50.0) for m in (3, 4, 5, 6)},
+    "torques, Table II, 6 contacts": Family(table2_torques, 50.0),
+    "torques, published": Family(published_torques, 40.0),
+    "label, 4 contacts": Family(random_labels(4), 20.0),
+    "label, published": Family(lambda count: labels_of(published()[:count]), 100.0),
 }
 
 
@@ -337,6 +417,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200, help="grasps of a family, at most")
     parser.add_argument("--before", type=Path, metavar="CHECKOUT", help="another version")
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--published", type=Path, metavar="FOLDER", help="grasps of a published set, imported")
     parser.add_argument("--peers", type=int, default=0, metavar="N", help="ask Algorithm 1 on Gurobi N of each size")
     parser.add_argument("--peer-limit", type=float, default=150.0, metavar="S")
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
@@ -344,7 +425,10 @@ def main() -> None:
     if options.answer:
         answer(options.count)
         return
-    names = [name for name in FAMILIES if name.startswith(tuple(options.only))]
+    if options.published:
+        os.environ[PUBLISHED] = str(options.published.resolve())
+    asked = [name for name in FAMILIES if name.startswith(tuple(options.only))]
+    names = [name for name in asked if "published" not in name or PUBLISHED in os.environ]
     data = kept() | {"machine": describe()}
     versions: list[Version] = []
     if not options.peers:

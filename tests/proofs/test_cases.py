@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from handfast.proofs.cases import (
+    ABOVE,
+    BELOW,
     CLOSED,
     FREE,
     HALF,
+    HIGH,
     LAST,
     LOCKED,
+    LOW,
     MOVES,
     OPEN,
     SLIDE,
@@ -48,6 +52,41 @@ def cases(q: Question, *nodes):
 def closed(*children, at=2, part=0):
     """Contact 0 is closed in node 2, which has these children."""
     return [*SPLIT, *((at, part, *child) for child in children)]
+
+
+def sought(objective="max") -> Question:
+    return walls(goal="torques", driven=["a"], objective=objective)
+
+
+def test_commands_are_parted_at_the_largest_and_at_none():
+    found = cases(sought(), (0, 2, HIGH, 0, 0), (0, 2, BELOW, 0, 0), (2, 2, LOW, 0, 0), (2, 2, MOVES, 0, 0))
+    assert found[:, 2, 0].tolist() == [HIGH, LOW, MOVES]
+    found = cases(sought(), (0, 2, LOW, 0, 0), (0, 2, ABOVE, 0, 0), (2, 2, HIGH, 0, 0), (2, 2, MOVES, 0, 0))
+    assert found[:, 2, 0].tolist() == [LOW, HIGH, MOVES]
+
+
+PARTED = [(0, 2, HIGH, 0, 0), (0, 2, BELOW, 0, 0)]
+UNPARTED = {
+    "of a check": (walls, PARTED, "actuator 0: needs LOCKED and MOVES"),
+    "of the sum": (lambda: sought("sum"), PARTED, "actuator 0: needs LOCKED and MOVES"),
+    "one side alone": (sought, PARTED[:1], "needs LOCKED and MOVES"),
+    "what does not cover": (sought, [(0, 2, HIGH, 0, 0), (0, 2, LOW, 0, 0)], "needs LOCKED and MOVES"),
+    "sides crossed": (sought, [(0, 2, HIGH, 0, 0), (0, 2, ABOVE, 0, 0)], "needs LOCKED and MOVES"),
+    "high below": (sought, [*PARTED, (2, 2, HIGH, 0, 0), (2, 2, MOVES, 0, 0)], "actuator 0: needs LOW and MOVES"),
+    "low above": (
+        sought,
+        [(0, 2, LOW, 0, 0), (0, 2, ABOVE, 0, 0), (2, 2, LOW, 0, 0), (2, 2, MOVES, 0, 0)],
+        "actuator 0: needs HIGH and MOVES",
+    ),
+    "high once more": (sought, [*PARTED, (1, 2, LOW, 0, 0), (1, 2, MOVES, 0, 0)], "actuator 0: it is decided"),
+}
+
+
+@pytest.mark.parametrize("name", UNPARTED)
+def test_commands_that_are_parted_with_a_gap(name):
+    asked, nodes, why = UNPARTED[name]
+    with pytest.raises(BadCertificate, match=why):
+        cases(asked(), *nodes)
 
 
 def test_root_alone_is_a_leaf():

@@ -5,7 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import CLOSED, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, UNDECIDED
+from handfast.proofs.cases import (
+    ABOVE,
+    BELOW,
+    CLOSED,
+    FREE,
+    HALF,
+    HIGH,
+    LOCKED,
+    LOW,
+    MOVES,
+    OPEN,
+    SLIDE,
+    STICK,
+    UNDECIDED,
+)
 from handfast.proofs.equations import equations_of
 from handfast.proofs.question import CHECK, LARGEST, SMALLEST_PRELOAD, TORQUES
 from handfast.proofs.rows import (
@@ -38,16 +52,16 @@ FAMILIES = {
     "torques": {"goal": TORQUES},
     "sum of torques": {"goal": TORQUES, "sums": True, "eta": 0.1},
 }
-SOFT = {row for row in Row if row > Row.ENERGY}
-COMMANDED, DRIVEN = SOFT | {Row.S_UP}, SOFT | {Row.ENERGY, Row.E_DOWN}
+SOFT = {row for row in Row if Row.ENERGY < row < Row.S_DOWN}
+COMMANDED, DRIVEN = SOFT | {Row.S_UP, Row.S_DOWN}, SOFT | {Row.ENERGY}
 MISSING = {  # what holds nowhere in a family
     "check": COMMANDED | {Row.BOUND_DOWN},
     "check with eta": COMMANDED | {Row.BOUND_DOWN},
-    "soft fingers": {Row.S_UP, Row.BOUND_DOWN, Row.CHORD, Row.C_LEFT, Row.C_RIGHT},
+    "soft fingers": {Row.S_UP, Row.S_DOWN, Row.BOUND_DOWN, Row.CHORD, Row.C_LEFT, Row.C_RIGHT},
     "smallest preload": COMMANDED | {Row.ENERGY},  # there are springs
     "largest": COMMANDED | {Row.ENERGY},
     "torques": DRIVEN,
-    "sum of torques": DRIVEN,
+    "sum of torques": DRIVEN | {Row.E_DOWN, Row.S_DOWN},
 }
 
 
@@ -236,6 +250,22 @@ def test_rows_of_actuators_hold_where_they_may():
                 assert "".join("a" if x else "-" for x in legal(q, scalar, some, cases)) == word, (goal, kind, state)
 
 
+@pytest.mark.parametrize("objective", ["max", "sum"])
+def test_rows_of_a_command_on_one_side_hold_there_alone(objective):
+    """HIGH: t = 0, f >= T; LOW: t = 0, f <= 0; BELOW: f <= T; ABOVE: f >= 0; of the sum no f >= T."""
+    q = driven_question(TORQUES, driven=["a"], objective=objective)
+    kinds = Row.T_UP, Row.T_DOWN, Row.E_UP, Row.E_DOWN, Row.S_UP, Row.S_DOWN
+    high = "aa---a" if objective == "max" else "aa----"
+    expected = {FREE: "a-----", HIGH: high, LOW: "aa-a--", BELOW: "a---a-", ABOVE: "a-a---", MOVES: "a-a-a-"}
+    for state, word in expected.items():
+        cases = np.zeros((1, 6, 3), dtype=np.int64)
+        cases[0, 2:, 0] = state
+        none = np.zeros(len(kinds), dtype=np.int64)
+        some = LeafRows(np.array(kinds), none, none, none, none, np.zeros((0, 3)))
+        assert "".join("a" if x else "-" for x in legal(q, (0.0, 5.0), some, cases)) == word, state
+        assert zeros(q, cases)[0, Columns.of(q).q][0] == (state in (HIGH, LOW))
+
+
 def test_actuators_by_hand():
     """f of a is mirrored: f >= 1; with the scalar: f >= lambda. T - f, and e - f of the sum."""
     at = Columns.of(q := driven_question(CHECK))
@@ -251,6 +281,9 @@ def test_actuators_by_hand():
     at = Columns.of(q)
     value, right = alone(q, Row.S_UP, 0, scalar=(0.0, 1.0))
     assert (value[at.f.start], value[at.scalar.start], right) == (-1, 1, 0)
+    value, right = alone(q, Row.S_DOWN, 0, scalar=(0.0, 1.0))
+    assert (value[at.f.start], value[at.scalar.start], right) == (1, -1, 0)
+    assert np.abs(value).sum() == 2
     q = driven_question(TORQUES, driven=["a"], objective="sum")
     at = Columns.of(q)
     value, right = alone(q, Row.S_UP, 0, scalar=(0.0, 1.0))
@@ -319,9 +352,9 @@ def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said()
 def test_kinds_and_indices_that_are_none():
     q = driven_question(CHECK)
     n = Columns.of(q).n
-    good = [(Row.CN_UP, 1), (Row.T_UP, 3), (Row.BOUND_UP, n - 1), (Row.ENERGY, 0), (Row.TURN_DOWN, 1)]
+    good = [(Row.CN_UP, 1), (Row.T_UP, 3), (Row.BOUND_UP, n - 1), (Row.ENERGY, 0), (Row.TURN_DOWN, 1), (Row.S_DOWN, 3)]
     bad = [(Row.CN_UP, 2), (Row.T_UP, 4), (Row.BOUND_UP, n), (Row.ENERGY, 1), (Row.TURN_DOWN, 2), (22, 0), (23, 0)]
-    bad += [(31, 0), (32, 0), (-1, 0), (2**31 - 1, 0), (Row.CN_UP, -1), (Row.ENERGY, -1)]
+    bad += [(Row.S_DOWN, 4), (32, 0), (33, 0), (-1, 0), (2**31 - 1, 0), (Row.CN_UP, -1), (Row.ENERGY, -1)]
     for wanted, rows in ((True, good), (False, bad)):
         for kind, index in rows:
             some = LeafRows(*(np.array([x], dtype=np.int64) for x in (kind, index, 0, 0, 0)), np.ones((1, 3)))

@@ -11,7 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.cases import CLOSED, FREE, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, UNDECIDED
+from handfast.proofs.cases import (
+    ABOVE,
+    BELOW,
+    CLOSED,
+    FREE,
+    HALF,
+    HIGH,
+    LOCKED,
+    LOW,
+    MOVES,
+    OPEN,
+    SLIDE,
+    STICK,
+    UNDECIDED,
+)
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import CHECK, LARGEST, SMALLEST_PRELOAD, TORQUES, Question, read_question
 from handfast.proofs.rows import TURN, Columns
@@ -114,6 +128,8 @@ def drawn(
     sigma = 0.0 if scalar is None else float(rng.uniform(*scalar)) if goal != TORQUES else 2.2 if sums else 1.1
     f = command * (sigma if goal == SMALLEST_PRELOAD else 1.0)
     f[1] += rng.uniform(0, 1)  # rests: more than its command
+    if goal == TORQUES and rng.random() < 0.2:
+        f[1] *= -1.0
     f[3] = rng.normal()
     coupling = rng.normal(size=1)
     force = c.ravel()
@@ -177,6 +193,11 @@ def case_of(state: Drawn, rng: np.random.Generator) -> np.ndarray:
     for j in range(q.actuators):
         rest, free = (LOCKED if j == 3 else [FREE, LOCKED][int(rng.integers(2))]), [FREE, MOVES][int(rng.integers(2))]
         out[m + j, 0] = FREE if j == 3 else free if state.moves[j] else rest
+        if q.is_driven[j] and not q.sums and rng.random() < 0.5:
+            force, top, still = state.x[at.f][j], state.x[at.scalar][0], not state.moves[j]
+            in_it = {HIGH: still and force >= top, LOW: still and force <= 0, BELOW: force <= top, ABOVE: force >= 0}
+            some = [case for case, true in in_it.items() if true]
+            out[m + j, 0] = some[int(rng.integers(len(some)))]
     return out
 
 

@@ -237,7 +237,11 @@ FAULTS = [
         put("question", "grasp", "preload", to=lambda c: {n: -v for n, v in c.items()}),
         "witness: a command has the wrong sense",
     ),
-    ("torques", put("question", "objective", to="sum"), "certificate: leaf"),
+    (
+        "torques",
+        put("question", "objective", to="sum"),
+        "certificate: node .*, split of actuator .: needs LOCKED and MOVES",
+    ),
     ("sum of torques", put("question", "objective", to="max"), "witness: its commands cost|certificate: leaf"),
     ("torques of one", put("witness", "command", "prox_2", to=0.01), "witness: an actuator is commanded that was"),
     ("torques do not exist", put("answer", "lower", to=0.1), "answer: SLIPS with bounds"),

@@ -23,7 +23,8 @@ from handfast.proofs.question import Question
 
 HALF = TURN // 2  # a sector is narrower than this
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
-FREE, LOCKED, MOVES = ActuatorState
+FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = ActuatorState
+DECIDED = "it is decided already, or cannot move"
 FIRST, LAST = 8, 2**31 - 1  # numbers of patches
 OCTANTS = range(8, 16)
 
@@ -159,6 +160,9 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
     soft = ~of_actuator & (np.append(q.soft_fingers >= 0, False)[np.where(of_actuator, m, split)])
     may_move = np.append(q.may_move, False)[np.where(of_actuator, split - m, q.actuators)]
     two = (children == 2) & (bare == 2)
+    weighed = (
+        of_actuator & (np.append(q.is_driven, False)[np.where(of_actuator, split - m, q.actuators)]) & (not q.sums)
+    )
 
     def both(one: int, other: int) -> Mask:
         return two & (count(new == one) == 1) & (count(new == other) == 1)
@@ -174,8 +178,13 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
             what = f"actuator {split[k] - m}" if of_actuator[k] else f"contact {split[k]}"
             raise BadCertificate(f"node {k}, split of {what}: {why}")
 
-    refuse(of_actuator & ((state != FREE) | ~may_move), "it is decided already, or cannot move")
-    refuse(of_actuator & ~both(LOCKED, MOVES), "needs LOCKED and MOVES")
+    # where the largest command is sought: a command beyond it, or below 0, is none, and the actuator is locked
+    lower, upper = weighed & (state == BELOW), weighed & (state == ABOVE)
+    parted = weighed & (state == FREE) & (both(HIGH, BELOW) | both(LOW, ABOVE))
+    refuse(of_actuator & ~((state == FREE) | lower | upper) | (of_actuator & ~may_move), DECIDED)
+    refuse(lower & ~both(LOW, MOVES), "needs LOW and MOVES")
+    refuse(upper & ~both(HIGH, MOVES), "needs HIGH and MOVES")
+    refuse(of_actuator & (state == FREE) & ~parted & ~both(LOCKED, MOVES), "needs LOCKED and MOVES")
     refuse(undecided & ~both(OPEN, CLOSED), "needs OPEN and CLOSED")
     refuse(decided, "it is decided already")
 

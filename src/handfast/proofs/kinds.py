@@ -27,6 +27,11 @@ class ActuatorState(IntEnum):
     FREE = 0
     LOCKED = 1  # t = 0
     MOVES = 2  # t >= 0, f = f_c
+    # of those whose largest command T is sought:
+    HIGH = 3  # t = 0, f >= T
+    LOW = 4  # t = 0, f <= 0
+    BELOW = 5  # LOW or MOVES: f <= T
+    ABOVE = 6  # HIGH or MOVES: f >= 0
 
 
 class Row(IntEnum):
@@ -65,3 +70,4 @@ class Row(IntEnum):
     D_SIDE = 28  # -n . d_f
     TURN_UP = 29  # turning
     TURN_DOWN = 30  # -turning
+    S_DOWN = 31  # f - T, of an actuator whose largest command T is sought

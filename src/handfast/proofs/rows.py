@@ -15,7 +15,21 @@ from itertools import pairwise
 
 import numpy as np
 
-from handfast.proofs.cases import CLOSED, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, contains, patch
+from handfast.proofs.cases import (
+    ABOVE,
+    BELOW,
+    CLOSED,
+    HALF,
+    HIGH,
+    LOCKED,
+    LOW,
+    MOVES,
+    OPEN,
+    SLIDE,
+    STICK,
+    contains,
+    patch,
+)
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.kinds import TURN, WIDER, Row
 from handfast.proofs.question import LARGEST, TORQUES, Question, Range
@@ -25,8 +39,9 @@ WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a tu
 UNIT = 2.0**-53  # relative error of one rounded operation
 
 KINDS = frozenset(int(row) for row in Row)
-OF_CONTACT = np.isin(np.arange(32), [k for k in KINDS if k <= Row.STILL_2_DOWN or k > Row.ENERGY])
-OF_ACTUATOR = np.isin(np.arange(32), np.arange(Row.T_UP, Row.BOUND_UP))
+OF_CONTACT = np.isin(np.arange(32), [k for k in KINDS if k <= Row.STILL_2_DOWN or Row.ENERGY < k < Row.S_DOWN])
+OF_ACTUATOR = np.isin(np.arange(32), [*range(Row.T_UP, Row.BOUND_UP), Row.S_DOWN])
+STILL_ACTUATORS = LOCKED, HIGH, LOW  # t = 0
 IS_KIND = np.isin(np.arange(32), list(KINDS))
 
 
@@ -157,10 +172,11 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     put(still | leftish, Row.D_LEFT)
     put(still | rightish, Row.D_RIGHT)
     put(still, Row.STILL_1_UP, Row.STILL_1_DOWN, Row.STILL_2_UP, Row.STILL_2_DOWN)
-    put((state == LOCKED) | ~may_move, Row.T_DOWN)
-    put(commanded | (driven & moves), Row.E_UP)
-    put(commanded & moves, Row.E_DOWN)
-    put(driven & moves, Row.S_UP)
+    put(np.isin(state, STILL_ACTUATORS) | ~may_move, Row.T_DOWN)
+    put(commanded | (driven & (moves | (state == ABOVE))), Row.E_UP)
+    put((commanded & moves) | (driven & (state == LOW)), Row.E_DOWN)
+    put(driven & (moves | (state == BELOW)), Row.S_UP)
+    put(driven & (state == HIGH) & (not q.sums), Row.S_DOWN)
     for bound, k in zip(bounds(q, scalar), (Row.BOUND_UP, Row.BOUND_DOWN), strict=True):
         put(np.isfinite(bound)[np.where(kind == k, rows.index, 0)], k)
     put(_energy_holds(q, scalar, rows), Row.ENERGY)
@@ -194,7 +210,7 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
     may_move, driven = np.append(q.may_move, False)[j], np.append(q.is_driven, False)[j]
     still = ((kind >= Row.STILL_1_UP) & (kind <= Row.STILL_2_DOWN)) | (kind == Row.TURN_UP) | (kind == Row.TURN_DOWN)
     gap = ((kind == Row.GAP_UP) | (kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= CLOSED)
-    fixed = ((kind == Row.T_UP) | (kind == Row.T_DOWN)) & ((state == LOCKED) | ~may_move)
+    fixed = ((kind == Row.T_UP) | (kind == Row.T_DOWN)) & (np.isin(state, STILL_ACTUATORS) | ~may_move)
     given = ((kind == Row.E_UP) | (kind == Row.E_DOWN)) & (state == MOVES) & ~driven
     return np.asarray(still | gap | fixed | given)
 
@@ -202,7 +218,7 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
 def zeros(q: Question, cases: Integers) -> Mask:
     """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints that are locked."""
     at, m = Columns.of(q), q.grasp.m
-    opened, locked = cases[:, :m, 0] == OPEN, (cases[:, m:, 0] == LOCKED) | ~q.may_move
+    opened, locked = cases[:, :m, 0] == OPEN, np.isin(cases[:, m:, 0], STILL_ACTUATORS) | ~q.may_move
     locked = locked & (q.equivalent.slack == 0)  # else t = -slack
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)
@@ -280,6 +296,8 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
     put(ones, t, Row.T_UP)
     put(-ones, t, Row.T_DOWN)
     put(ones, f, Row.E_UP)
+    put(ones, f, Row.S_DOWN)
+    put(-ones, 0 * index + at.scalar.start, Row.S_DOWN)
     put(-ones, f, Row.E_DOWN, Row.S_UP)
     put(ones, at.e.start + index if at.e.stop > at.e.start else 0 * index + at.scalar.start, Row.S_UP)
     put(ones, index, Row.BOUND_UP)
@@ -302,7 +320,7 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
 
 def _put_soft(q: Question, rows: LeafRows, value: Array) -> None:
     """The rows of soft fingers, over c_n, c_f and d_f."""
-    here = np.flatnonzero(rows.kind > Row.ENERGY)
+    here = np.flatnonzero((rows.kind > Row.ENERGY) & (rows.kind < Row.S_DOWN))
     if not len(here):
         return
     at, kind, i, a, b = Columns.of(q), rows.kind[here], rows.index[here], rows.a[here], rows.b[here]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from benchmarks.grasps import random_case
 from handfast.core.answer import Stop, Verdict
-from handfast.model.grasp import Contact, Grasp
+from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.kinds import ContactState
@@ -337,3 +337,28 @@ def test_a_bound_that_rounding_left_without_a_state_gets_one() -> None:
     assert answer.upper >= 2.978927 * (1 - 1e-6)
     assert answer.gap <= 1e-3
     assert answer.verify().ok
+
+
+def fingers(seed: int) -> Grasp:
+    """Four fingers of three joints about an object, each joint with a motor of its own."""
+    rng = np.random.default_rng(seed)
+    contacts, joints = [], []
+    for k in range(4):
+        turn = np.pi / 2 * k + 0.3 * rng.normal()
+        out = np.array([np.cos(turn), np.sin(turn), 0.0])
+        at = 0.04 * out + [0, 0, 0.02 * rng.normal()]
+        normal = -out + 0.2 * rng.normal(size=3)
+        contacts.append(Contact(at, normal / np.linalg.norm(normal), 0.5))
+        up = np.array([0.0, 0.0, 1.0])
+        for j, (axis, reach) in enumerate(((up, 0.08), (np.cross(up, out), 0.08), (np.cross(up, out), 0.04))):
+            joints.append(GraspJoint(f"{k}{j}", axis, at + 0.02 * out - reach * up, (k,)))
+    return Grasp(contacts, joints)
+
+
+@pytest.mark.parametrize(("seed", "nodes", "least"), [(0, 560, 0.0019025), (3, 350, 0.0007814)])
+def test_least_commands_of_many_motors_take_few_nodes(seed: int, nodes: int, least: float) -> None:
+    """Twelve motors; 710 and 418 nodes where actuators that rest were locked whatever they carried."""
+    answer = torques(fingers(seed), w(0, 0, -1))
+    assert (answer.verdict, answer.verified) == (Verdict.HOLDS, True)
+    assert (answer.lower, answer.upper) == pytest.approx((least, least), rel=2e-3)
+    assert answer.nodes <= nodes

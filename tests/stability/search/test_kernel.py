@@ -39,7 +39,7 @@ from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import Search, new_pool
 from tests.support.problems import Solved, solved
 
-FREE, LOCKED, MOVES = ActuatorState
+FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = ActuatorState
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
 Node = list[tuple[int, int, int]]  # state, left and right of every contact and every actuator that may move
 
@@ -226,15 +226,15 @@ class Referee:
     def actuator(self, j: int, t: np.ndarray, state: int, given) -> None:
         at, f = self.at, np.zeros(self.at.n)
         f[at.f.start + j] = 1.0
-        self.row(t, 0.0, 0.0 if state == LOCKED else np.inf)
+        self.row(t, 0.0, 0.0 if state in (LOCKED, HIGH, LOW) else np.inf)
         if not self.p.driven[j]:
             f[at.scalar] = -given.f_b[j]
             self.row(f, given.f_a[j], given.f_a[j] if state == MOVES else np.inf)
-        elif state == MOVES:
-            self.row(f, 0.0, np.inf)
+        else:
+            self.row(f, 0.0 if state in (MOVES, ABOVE) else -np.inf, 0.0 if state == LOW else np.inf)
             effort = -self.lever[j] / self.scale * f
             effort[at.e.start + j if self.goal == SMALLEST_SUM_OF_COMMANDS else at.scalar] = 1.0
-            self.row(effort, 0.0, np.inf)
+            self.row(effort, 0.0 if state in (MOVES, BELOW) else -np.inf, 0.0 if state == HIGH else np.inf)
 
     def cuts(self, x: np.ndarray) -> list[tuple[np.ndarray, float, float]]:
         """Tangents where a solution leaves a round cone."""
@@ -348,6 +348,8 @@ def nodes(s: Solved, r: Reduced, rng: np.random.Generator) -> list[Node]:
         for j in r.active:
             true = MOVES if s.state.q[j] != 0 else LOCKED
             state = rng.integers(3) if rng.random() < max(stray, 0.2) else true
+            if r.goal == SMALLEST_LARGEST_COMMAND and len(out) % 2:  # its cases of one side each
+                state = {FREE: BELOW if j % 2 else ABOVE, LOCKED: HIGH if j % 2 else LOW}.get(int(state), state)
             node.append((int(state), 0, 0))
         out.append(node)
     return out

@@ -39,6 +39,7 @@ UNASKED, HELD, NONE, HARD = 0, 1, 2, 3
 KEPT = 64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
 PATCH = 22  # numbers of a patch, see `kernel.patch`
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
+TRIED = 8  # parts whose children are tried before a node is split at one of them, where commands are sought
 CHILDREN = 9  # of a node at most: a soft finger sticks, or slides in one of eight octants
 
 
@@ -113,6 +114,9 @@ class NodeAtHand(NamedTuple):
     violation: Reals  # (3,) the sum of what the model is missed by, 1 if it is missed anywhere, and by how much
     # friction may leave its cone in the program that was solved
     normal: Reals  # (m,) normal forces at the parent's point
+    missing: Reals  # (m + a,) by how much energy each part misses the model in the point, -1 where it may not be split
+    tried: Wholes  # (TRIED,) the parts of which it misses most
+    share: Reals  # (TRIED,) how much each of these misses
 
 
 class WorkingSet(NamedTuple):
@@ -208,6 +212,7 @@ class WorkspaceLayout:
         values: dict[str, Shape] = {"z": (n,), "c": (forces,), "d": (motions,)}
         kept: dict[str, Shape] = {"owner": (2, places), "ids": (places, n), "rhs": (places, n)}
         node: dict[str, Shape] = {"state": (3 * m + a,), "children": (CHILDREN, 3), "skip": (m + a + P,)}
+        of_parts: dict[str, Shape] = {"missing": (m + a,), "tried": (TRIED,), "share": (TRIED,)}
         rows: dict[str, Shape] = {"ids": (n + 1,), "rhs": (n,), "matrix": (n, n), "inverse": (n, N), "y": (n + 1,)}
         room: dict[str, Shape] = {
             "age": (1,),
@@ -222,7 +227,7 @@ class WorkspaceLayout:
         vectors: dict[str, Shape] = dict.fromkeys(("start", "step", "trial", "unit", "first"), (n,))
         return cls(
             kept=Layout(Kept, kept | {"matrix": (places, n, n), "inverse": (places, n, N)}),
-            node=Layout(NodeAtHand, node | {"trig": (m, PATCH), "violation": (3,), "normal": (m,)}),
+            node=Layout(NodeAtHand, node | {"trig": (m, PATCH), "violation": (3,), "normal": (m,)} | of_parts),
             working_set=Layout(WorkingSet, values | rows | room | {"entering": (n,), "column": (n,)}),
             refinement=Layout(Refinement, values | modes | equations | vectors),
         )

@@ -203,8 +203,12 @@ def _candidates(c: Certificate, leaf: int, case: Integers) -> tuple[Integers, In
             out += [(Row.GAP_DOWN, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
     for j, state in enumerate(case[m:, 0].tolist()):
         out += [(Row.T_UP, j, 0, 0), (Row.E_UP, j, 0, 0), (Row.S_UP, j, 0, 0)]
-        if state == ActuatorState.LOCKED or not q.may_move[j]:
+        if state in (ActuatorState.LOCKED, ActuatorState.HIGH, ActuatorState.LOW) or not q.may_move[j]:
             out.append((Row.T_DOWN, j, 0, 0))
+        if state == ActuatorState.LOW:
+            out.append((Row.E_DOWN, j, 0, 0))
+        if state == ActuatorState.HIGH:
+            out.append((Row.S_DOWN, j, 0, 0))
     out += [(kind, k, 0, 0) for kind in (Row.BOUND_UP, Row.BOUND_DOWN) for k in range(n)]
     known = set(out)
     for r in range(c.start[leaf], c.start[leaf + 1]):

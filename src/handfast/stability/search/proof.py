@@ -132,7 +132,7 @@ class Proof:
 
         # a scaled row is the row in the grasp's units over the force scale, times these
         arms = p.command_units / p.force
-        actuator = (kind >= rows.T_UP) & (kind <= rows.S_UP)
+        actuator = ((kind >= rows.T_UP) & (kind <= rows.S_UP)) | (kind == rows.S_DOWN)
         if actuator.any():
             moved = r.active[index[actuator]]
             of = kind[actuator]

@@ -31,7 +31,8 @@ DN_UP, TANGENT, CHORD = int(Row.DN_UP), int(Row.TANGENT), int(Row.CHORD)
 C_LEFT, C_RIGHT, D_LEFT, D_RIGHT = int(Row.C_LEFT), int(Row.C_RIGHT), int(Row.D_LEFT), int(Row.D_RIGHT)
 STILL = int(Row.STILL_1_UP)  # to 3 more: +d_t1, -d_t1, +d_t2, -d_t2
 T_UP, T_DOWN, E_UP, E_DOWN = int(Row.T_UP), int(Row.T_DOWN), int(Row.E_UP), int(Row.E_DOWN)
-S_UP, PLAIN_UP, PLAIN_DOWN = int(Row.S_UP), int(Row.BOUND_UP), int(Row.BOUND_DOWN)
+S_UP, S_DOWN = int(Row.S_UP), int(Row.S_DOWN)
+PLAIN_UP, PLAIN_DOWN = int(Row.BOUND_UP), int(Row.BOUND_DOWN)
 BOX_UP, BOX_DOWN = 22, 23  # bounds of a search's own, which no certificate may cite
 ENERGY = int(Row.ENERGY)  # of the node whose number, within the mask NODE, takes the place of the angles
 
@@ -42,7 +43,7 @@ SIDE = 40  # place of the side in an id, whose patch is below it
 
 # what a contact is in a node, and an actuator
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = (int(x) for x in ContactState)
-FREE, LOCKED, MOVES = (int(x) for x in ActuatorState)
+FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = (int(x) for x in ActuatorState)
 
 
 KIND, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0

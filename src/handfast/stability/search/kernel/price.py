@@ -7,7 +7,9 @@ import numpy as np
 from handfast.core.compiled import inner, larger
 from handfast.stability.search.kernel.patch import MIDDLE, REACH, patch
 from handfast.stability.search.rows import (
+    ABOVE,
     ANGLE,
+    BELOW,
     C_LEFT,
     C_RIGHT,
     C_SIDE,
@@ -23,13 +25,16 @@ from handfast.stability.search.rows import (
     E_UP,
     GAP_DOWN,
     GAP_UP,
+    HIGH,
     INDEX,
     KIND,
     LOCKED,
+    LOW,
     MOVES,
     OPEN,
     PLAIN_DOWN,
     PLAIN_UP,
+    S_DOWN,
     S_UP,
     SIDE,
     SLIDE,
@@ -268,17 +273,21 @@ def actuator(j, question, node, c, d, worst, found):
     if -t > worst:
         worst = -t
         found = here | (T_UP << KIND)
-    if moves == LOCKED and t > worst:
+    if moves in (LOCKED, HIGH, LOW) and t > worst:
         worst = t
         found = here | (T_DOWN << KIND)
-    if (moves == MOVES or not driven) and -c[k] > worst:
+    if (moves in (MOVES, ABOVE) or not driven) and -c[k] > worst:
         worst = -c[k]
         found = here | (E_UP << KIND)
-    if moves == MOVES:
-        x = -c[k + 1] if driven else c[k]
-        if x > worst:
-            worst = x
-            found = here | ((S_UP if driven else E_DOWN) << KIND)
+    if (moves == LOW or (moves == MOVES and not driven)) and c[k] > worst:
+        worst = c[k]
+        found = here | (E_DOWN << KIND)
+    if driven and moves in (MOVES, BELOW) and -c[k + 1] > worst:
+        worst = -c[k + 1]
+        found = here | (S_UP << KIND)
+    if moves == HIGH and c[k + 1] > worst:
+        worst = c[k + 1]
+        found = here | (S_DOWN << KIND)
     return worst, found
 
 

@@ -26,7 +26,19 @@ from handfast.stability.search.arrays import DROPS, EXCHANGES
 from handfast.stability.search.kernel.price import FEASIBLE, price, trigonometry
 from handfast.stability.search.kernel.split import select
 from handfast.stability.search.kernel.values import blend, row, values
-from handfast.stability.search.rows import BOX_DOWN, BOX_UP, ENERGY, INDEX, KIND, OPEN, PLAIN_DOWN, S_UP, SLIDE, T_UP
+from handfast.stability.search.rows import (
+    BOX_DOWN,
+    BOX_UP,
+    ENERGY,
+    INDEX,
+    KIND,
+    OPEN,
+    PLAIN_DOWN,
+    S_DOWN,
+    S_UP,
+    SLIDE,
+    T_UP,
+)
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
 NO_RAY, RAY, RAY_OF_BOX = 0, 1, 2  # what an entering row that nothing can leave for shows
@@ -301,8 +313,11 @@ def widen(work):
 def leave_out(enter, question, node):
     """Leave out the rows of the part that this row is of; False if they are, or it is of no part."""
     part = (enter >> INDEX) & 255
-    if T_UP <= enter >> KIND <= ENERGY:
-        part += question.m if enter >> KIND <= S_UP else question.m + question.a
+    kind = enter >> KIND
+    if T_UP <= kind <= S_UP or kind == S_DOWN:
+        part += question.m
+    elif S_UP < kind <= ENERGY:
+        part += question.m + question.a
     if node.skip[part] or enter >> KIND in (BOX_UP, BOX_DOWN, ENERGY):
         return False
     node.skip[part] = True

@@ -12,7 +12,22 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner, larger, length, smaller
-from handfast.stability.search.rows import CLOSED, FREE, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
+from handfast.stability.search.arrays import LARGEST_EFFORT, SCALAR
+from handfast.stability.search.rows import (
+    ABOVE,
+    BELOW,
+    CLOSED,
+    FREE,
+    HIGH,
+    LOCKED,
+    LOW,
+    MOVES,
+    OPEN,
+    SLIDE,
+    STICK,
+    TURN,
+    UNDECIDED,
+)
 
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
 NARROW = 64  # sectors narrower than this, in grid steps, are not split,
@@ -24,8 +39,16 @@ FINEST = 2e-9  # but not by less: rows are met to 1e-9
 SMALLEST = 1 << 30  # patches of soft fingers from this number on are not split
 APART, EIGHTH, STILL = 0.5, TURN // 8, 1e-9  # cosine of an angle; no sector below is parted; no direction of less
 DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
-# how much more that energy counts where a contact, or an actuator, is undecided, and the share of its friction in it
+# how much more that energy counts where a contact, or an actuator, is undecided, and the share of its friction in it;
+# it counts once where nodes are split by what their children leave
 TOUCHES, TURNS, FRICTION = 20.0, 100.0, 0.1
+MANY_ACTUATORS = 12
+
+
+@inner
+def is_tried(question):
+    """Are nodes split by what their children leave, see `tree.tried`? That pays where many actuators may move."""
+    return question.objective > SCALAR and question.a >= MANY_ACTUATORS
 
 
 @inner
@@ -48,6 +71,10 @@ def select(question, node, c, d, cone, loose):
     total = 0.0
     spare = 0.0
     fallback = -1
+    touches = 1.0 if is_tried(question) else TOUCHES
+    turns = 1.0 if is_tried(question) else TURNS
+    for i in range(m + question.a):
+        node.missing[i] = -1.0
     for i in range(m):
         state = node.state[i]
         width = node.state[2 * m + i] - node.state[m + i]
@@ -57,7 +84,9 @@ def select(question, node, c, d, cone, loose):
         amount, missing, rank = contact(i, question, node, c, d, loose, narrow)
         total += larger(amount, 0.0)
         if state == UNDECIDED:
-            missing = TOUCHES * missing + first
+            missing = touches * missing + first
+        if amount > none:
+            node.missing[i] = missing
         if amount > none and missing > most:
             most = missing
             pick = i
@@ -65,14 +94,17 @@ def select(question, node, c, d, cone, loose):
             spare = rank
             fallback = i
     for j in range(question.a):
-        if node.state[3 * m + j] != FREE:
+        moves = node.state[3 * m + j]
+        if moves not in (FREE, BELOW, ABOVE):
             continue
         k = 3 * m + 2 * j
         t = d[3 * m + j]
         slack = larger(larger(-c[k], -c[k + 1]), 0.0) if question.driven[j] else c[k]  # complementary to t
         amount = smaller(t, slack)
         total += larger(amount, 0.0)
-        missing = TURNS * t * slack + first
+        missing = turns * t * slack + first
+        if amount > none:
+            node.missing[m + j] = missing
         if amount > none and missing > most:
             most = missing
             pick = m + j
@@ -145,7 +177,11 @@ def extent(number):
 
 @inner
 def split(question, node, c, d, pick):
-    """States and sector ends of the part `pick` in the children into node.children; returns how many they are."""
+    """States and sector ends of the part `pick` in the children into node.children; returns how many they are.
+
+    A command up to the largest is as good where its actuator rests. So an actuator whose command is sought rests on one
+    side of 0 to the largest, or its command is between them, and no state is in two children.
+    """
     m = question.m
     child = node.children
     for k in range(child.shape[0]):
@@ -154,6 +190,13 @@ def split(question, node, c, d, pick):
     if pick >= m:
         child[0, 0] = LOCKED
         child[1, 0] = MOVES
+        if question.driven[pick - m] and question.objective == LARGEST_EFFORT:
+            k = m + 2 * pick  # its force; the next is what is left up to the largest
+            moves = node.state[2 * m + pick]
+            over = moves == ABOVE or (moves == FREE and c[k + 1] < c[k])
+            child[0, 0] = HIGH if over else LOW
+            if moves == FREE:
+                child[1, 0] = BELOW if over else ABOVE
         return 2
     state = node.state[pick]
     if state == UNDECIDED:

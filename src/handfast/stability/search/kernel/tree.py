@@ -16,6 +16,7 @@ from handfast.core.compiled import inner, larger, smaller
 from handfast.stability.search.arrays import (
     ANY,
     CHILDREN,
+    DROPS,
     EMPTY,
     ENDLESS,
     ENOUGH,
@@ -34,6 +35,7 @@ from handfast.stability.search.arrays import (
     SETTLED,
     SPLIT,
     SUM_OF_EFFORTS,
+    TRIED,
     UNRESOLVED,
     USED,
     WAITING,
@@ -41,7 +43,7 @@ from handfast.stability.search.arrays import (
 from handfast.stability.search.kernel.newton import refine
 from handfast.stability.search.kernel.simplex import ATTEMPTS, FAILED, INFEASIBLE, OPTIMAL, invert, solve
 from handfast.stability.search.kernel.smoothed_state import smoothed_state
-from handfast.stability.search.kernel.split import CONE, FINER, FINEST, select, split
+from handfast.stability.search.kernel.split import CONE, FINER, FINEST, is_tried, select, split
 from handfast.stability.search.kernel.values import row, values
 from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND
 
@@ -55,6 +57,7 @@ NEARLY = 1e-3  # motions and forces below count as none then, or below a tenth o
 LOOSE = 1e-4  # friction may leave its cone by as much in a program far from the model: its node is split anyway, and
 # half of all exchanges were tangents of cones
 WEIGHT = 1e-3  # of the violation in a node's rank
+MISSED = 0.25  # power of what a part misses in the rank of those whose children are tried
 AS_READ, FREED, AT_END = 0, 1, 2  # how Newton's method is tried: as a point says, or once more with the objective free,
 # or at the end of the search, where a solution lies beyond it
 
@@ -116,9 +119,11 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
         pool.data[this, i] = work.z[i]
     for i in range(question.m):  # for the children
         node.normal[i] = work.c[3 * i]
-    count = split(question, node, work.c, work.d, pick)
     if result == OPTIMAL:
         keep(kept, KEPT, this, work)
+        if is_tried(question):
+            pick = tried(question, worker, pool, kept, node, work, this, pick, value, cone)
+    count = split(question, node, work.c, work.d, pick)
     for k in range(count):
         child = make_child(question, worker, pool, node, this, pick, k)
         solved = bound(question, worker, pool, kept, node, work, child, this, result == OPTIMAL, cone)
@@ -138,6 +143,66 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
         if solved == OPTIMAL:
             keep(kept, child % KEPT, child, work)
     return False
+
+
+@inner
+def tried(question, worker, pool, kept, node, work, this, pick, value, cone):
+    """The part at which a node is split: of those that miss most, the one whose children leave least to be searched.
+
+    A child that is empty leaves nothing, another the less the further its objective is on the way to the cut. What
+    misses little counts for less: a sector can be cut without end so that one of its halves is empty.
+    """
+    failed = worker.counts[RESTARTS], worker.counts[DROPS], worker.counts[FAILURES]  # trials say nothing of health
+    count = 0
+    while count < TRIED:
+        most = 0.0
+        part = -1
+        for i in range(node.missing.shape[0]):
+            if node.missing[i] > most:
+                most = node.missing[i]
+                part = i
+        if part < 0:
+            break
+        node.share[count] = most
+        node.missing[part] = -1.0
+        node.tried[count] = part
+        count += 1
+    if count < 2:
+        return pick
+    best = np.inf
+    for k in range(count):
+        part = node.tried[k]
+        back_to(question, pool, node, work, this)
+        left = 0.0
+        children = split(question, node, work.c, work.d, part)
+        for child in range(children):
+            place = make_child(question, worker, pool, node, this, part, child)
+            solved = bound(question, worker, pool, kept, node, work, place, this, True, cone)
+            worker.counts[USED] -= 1
+            worker.counts[NODES] -= 1
+            if solved == INFEASIBLE:
+                continue
+            gain = (objective(question, work.c) - value) / larger(worker.hi[0] - value, 1e-12)
+            left += (1.0 - smaller(larger(gain, 0.0), 1.0)) ** 2
+        left *= (node.share[0] / node.share[k]) ** MISSED
+        if left < best:
+            best = left
+            pick = part
+        if best == 0.0:
+            break
+    worker.counts[RESTARTS], worker.counts[DROPS], worker.counts[FAILURES] = failed
+    back_to(question, pool, node, work, this)
+    return pick
+
+
+@inner
+def back_to(question, pool, node, work, this):
+    """State and point of a node that was solved, after others were tried."""
+    for i in range(node.state.shape[0]):
+        node.state[i] = pool.states[this, i]
+    for i in range(work.z.shape[0]):
+        work.z[i] = pool.data[this, i]
+    values(question, work.z, work.c, work.d)
 
 
 @inner

@@ -29,6 +29,7 @@ from handfast.stability.search.rows import (
     KIND,
     NODE,
     PLAIN_UP,
+    S_DOWN,
     S_UP,
     SIDE,
     SOFT_CHORD,
@@ -64,18 +65,18 @@ def row(id, question, hi, data, out, gradient):
     for k in range(8):
         gradient[k] = 0.0
     rhs = 0.0
-    soft = kind > ENERGY
-    if kind < T_UP or soft:
+    soft = ENERGY < kind < S_DOWN
+    if kind == S_DOWN or T_UP <= kind <= S_UP:
+        actuator_row(kind, gradient)
+        force = 3 * m + 2 * i
+        motion = 3 * m + i
+    elif kind < T_UP or soft:
         if soft:
             soft_row(id, kind, question, gradient)
         else:
             contact_row(id, kind, question, gradient)
         force = 3 * i  # the first of the values that it combines
         motion = 3 * i
-    elif kind <= S_UP:
-        actuator_row(kind, gradient)
-        force = 3 * m + 2 * i
-        motion = 3 * m + i
     else:
         force = 3 * m + 2 * question.a + i
         motion = 3 * m + question.a + force - question.F
@@ -218,7 +219,7 @@ def actuator_row(kind, g):
     elif kind <= E_DOWN:
         g[0] = 1.0 if kind == E_UP else -1.0
     else:
-        g[1] = 1.0
+        g[1] = 1.0 if kind == S_UP else -1.0
 
 
 @quick
