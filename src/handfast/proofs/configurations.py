@@ -16,7 +16,7 @@ patches and bounds are tested over all of X. Equations and coordinates are those
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -106,9 +106,6 @@ class Existence:
             "dependent": list(self.dependent),
             "radii": self.radii.tolist(),
         }
-
-
-FIELDS = ("schema", *(field.name for field in fields(Existence)))
 
 
 def read_existence(data: Any, place: str = "") -> Existence:

@@ -44,7 +44,6 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.rows import UNIT
 
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
-LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
 RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK = 128  # systems inverted at a time
