@@ -6,7 +6,7 @@ And floating-point numbers as the rational numbers that they are.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -207,6 +207,9 @@ def rational(x: float) -> fmpq:
     return fmpq(*float(x).as_integer_ratio())
 
 
+exact: Callable[[Any], Any] = np.frompyfunc(rational, 1, 1)  # arrays of them, of arrays
+
+
 def rationals(values: Iterable[float]) -> list[fmpq]:
     """Several."""
     return [rational(x) if x else ZERO for x in values]
@@ -230,3 +233,8 @@ def rounded(x: fmpq) -> float:
 def not_zero(x: fmpq) -> float:
     """The same, but never 0 for what is not: the smallest floating-point number with its sign stands for that."""
     return rounded(x) or 5e-324 * ((x > 0) - (x < 0))
+
+
+def floats(values: Any, nearest: Callable[[fmpq], float] = rounded) -> Array:
+    """Of an array of rational numbers."""
+    return np.asarray(np.frompyfunc(nearest, 1, 1)(values), dtype=np.float64)

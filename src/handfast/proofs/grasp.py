@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from flint import fmpq, fmpq_mat
+from flint import fmpq
 
 from handfast.proofs.fields import (
     Array,
@@ -22,7 +22,7 @@ from handfast.proofs.fields import (
     Fields,
     Integers,
     Mask,
-    rational,
+    exact,
     refuse_unknown,
 )
 from handfast.proofs.step_start import StartData
@@ -257,11 +257,6 @@ class GraspData:
         return self.exact_table.tolist()
 
     @cached_property
-    def exact_matrix(self) -> fmpq_mat:
-        """(N, 6 + l) the same as a matrix, without the last row."""
-        return fmpq_mat(self.exact_rows[:-1])
-
-    @cached_property
     def independent_rows(self) -> dict[bytes, Integers | None]:
         """Of sets of held rows: some that the others follow from, exactly; None if that is not so. Filled in use."""
         return {}
@@ -451,9 +446,6 @@ def _frame(n: Array) -> Array:
     t1 = np.cross(n, e)
     t1 /= np.linalg.norm(t1)
     return np.column_stack([n, t1, np.cross(n, t1)])
-
-
-exact: Callable[[Array], Any] = np.frompyfunc(rational, 1, 1)
 
 
 def _crossed(a: Array, b: Array) -> Array:

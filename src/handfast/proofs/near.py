@@ -21,7 +21,7 @@ from math import comb
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from handfast.proofs.fields import Array, cross, dot, not_zero, rational, rationals, rounded
+from handfast.proofs.fields import Array, exact, floats, not_zero
 from handfast.proofs.states import ULP, Contact, Modes, Part, Problem, State, reaction_ends, sense
 from handfast.proofs.tolerance import EPS, WORK, motion_size
 
@@ -89,11 +89,11 @@ class _Curve:
             self.faults["torsion of a point contact"] = np.inf
         self.c = x["c"].reshape(len(s), g.m, 3).copy()
         self.f, self.reaction = x["f"].copy(), x["reaction"].copy()
-        given = [rationals(row) for row in x["q"]]
+        given = exact(x["q"])
         self._actuators(given)
         self._joints(given)
         self._project(given)
-        self.v = [rationals(r) + q for r, q in zip(x["r"], self.q, strict=True)]
+        self.v = np.hstack([exact(x["r"]), self.q])
         self._contacts()
 
     def _fault(self, name: str, missed: Array | float, names: Sequence[str] = ()) -> None:
@@ -106,7 +106,7 @@ class _Curve:
 
     # --- actuators and laws of joints
 
-    def _actuators(self, q: list[list[fmpq]]) -> None:
+    def _actuators(self, q: Array) -> None:
         p, g = self.p, self.g
         turns = sense(p) * self._motions(g.parts[2], q, g.slack)
         beyond = sense(p) * (self.f - p.command)
@@ -124,7 +124,7 @@ class _Curve:
         out_of_reach = commanded & ~given & (np.abs(p.command) > p.limit)
         self._fault("the limit of actuator '{}'", np.where(out_of_reach, np.inf, 0.0), g.actuators)
 
-    def _joints(self, q: list[list[fmpq]]) -> None:
+    def _joints(self, q: Array) -> None:
         g = self.g
         (lo, hi), turns = reaction_ends(g), self._motions(g.parts[4], q)
         at_low, at_high = (np.abs(self.reaction - end).max(axis=0) <= EPS * self.F * g.joint_arms for end in (lo, hi))
@@ -146,17 +146,17 @@ class _Curve:
         self.reaction = np.where(fixed, given, self.reaction)
         self.reaction_off = np.where(fixed, 0.0, outside)
 
-    def _project(self, q: list[list[fmpq]]) -> None:
+    def _project(self, q: Array) -> None:
         """Onto what is held; what moves has to keep its sense."""
         p, g = self.p, self.g
         _, _, actuators, couplings, joints = g.parts
         held = [actuators.start + k for k in np.flatnonzero(np.isin(self.actuator, (Part.LOCKED, Part.RESTS)))]
         held += [*range(couplings.start, couplings.stop)]
         held += [joints.start + k for k in np.flatnonzero((self.joint == Part.RESTS) | (self.joint == Part.BACK))]
-        rows, units = [g.exact_rows[k][6:] for k in held], rationals(1.0 / g.joint_arms)
+        rows, units = g.exact_table[held][:, 6:], exact(1.0 / g.joint_arms)
         before = np.concatenate([np.zeros(actuators.start), g.slack, np.zeros(joints.start - actuators.stop)])
         before = np.concatenate([before, np.where(self.joint == Part.BACK, g.stops_left, 0.0)])
-        q_held = _projected(q, rows, units, rationals(-before[held]))
+        q_held = _projected(q, rows, units, exact(-before[held]))
         if q_held is None:
             self.faults["what stops and tendons hold"] = np.inf
         self.q = q if q_held is None else q_held
@@ -169,15 +169,16 @@ class _Curve:
         back = np.where(np.isin(self.joint, (Part.MOVES, Part.OPENS)) & (turns.min(axis=0) < 0), np.inf, 0.0)
         self._fault("the sense of joint '{}'", back, g.joints)
 
-    def _motions(self, part: slice, q: list[list[fmpq]], before: Array | None = None) -> Array:
+    def _motions(self, part: slice, q: Array, before: Array | float = 0.0) -> Array:
         """(k+1, n) of rows that know joints alone, rounded once; what is not 0 stays so; before: (n,) to be added."""
-        rows, came = [row[6:] for row in self.g.exact_rows[part]], np.zeros(0) if before is None else before
-        if not rows or not (came.any() or any(x != 0 for y in q for x in y)):
-            return np.zeros((len(q), len(rows)))
-        exact = (fmpq_mat(q) * fmpq_mat(rows).transpose()).tolist()
-        if came.any():
-            exact = [[x + y for x, y in zip(one, rationals(came), strict=True)] for one in exact]
-        return np.array([[not_zero(x) for x in y] for y in exact])
+        return floats(self._of_rows(q, self.g.exact_table[part][:, 6:]) + exact(before), not_zero)
+
+    @staticmethod
+    def _of_rows(v: Array, rows: Array) -> Array:
+        """(k+1, n) v (k+1, j) times each of some rows (n, j)."""
+        if not rows.size or not (v != 0).any():
+            return np.full((len(v), len(rows)), fmpq(0))
+        return np.array((fmpq_mat(v.tolist()) * fmpq_mat(rows.tolist()).transpose()).tolist(), dtype=object)
 
     # --- contacts
 
@@ -185,17 +186,12 @@ class _Curve:
         """The mode of each contact, (m,) how far its motion gives way, and how much its force changes besides."""
         p, g, mu = self.p, self.g, self.g.mu
         rows = g.parts[1].stop
-        exact = [motions[:rows] for motions in (g.exact_matrix * _columns(self.v)).transpose().tolist()]
-        d = np.array([[rounded(x) for x in one] for one in exact])
+        of_contacts = self._of_rows(self.v, g.exact_table[:rows])
+        d = floats(of_contacts)
         d_n, c_n = d[:, : 3 * g.m : 3], self.c[:, :, 0]
         D = np.append(d, np.zeros((len(d), 1)), axis=1)[:, np.minimum(g.contact_rows[:, 1:], rows)]
-        cos, gaps = rational(p.cos), rationals(g.gaps)
-        pairs = zip(exact, c_n, strict=True)
-        closing = [
-            [rounded(rational(x) + cos * y + z) for x, y, z in zip(c, e[: 3 * g.m : 3], gaps, strict=True)]
-            for e, c in pairs
-        ]
-        press = np.array(closing)  # c_n + cos d_n, from where it was before
+        closing = exact(c_n) + exact(p.cos) * of_contacts[:, : 3 * g.m : 3] + exact(g.gaps)
+        press = floats(closing)  # c_n + cos d_n, from where it was before
         c_t = np.concatenate([self.c[:, :, 1:], self.twist[:, :, None]], axis=2)
         tangential, size = (np.sqrt((x**2).sum(axis=2)) for x in (c_t, D))
         slow, fast, strength = least_norm(D), size.max(axis=0), mu * np.abs(c_n).max(axis=0)
@@ -253,18 +249,12 @@ class _Curve:
         p, g, F = self.p, self.g, self.F
         soft = self.twist[:, g.soft]
         phi = np.concatenate([self.c.reshape(len(self.c), -1), soft, self.f, self.x["coupling"], self.reaction], axis=1)
-        base, direction = rationals(p.wrench), rationals(np.zeros(6) if p.along is None else p.along)
-        center = rationals(g.centroid)
-        carried = (g.exact_matrix.transpose() * _columns([rationals(one) for one in phi])).transpose().tolist()
-        missing, motions = [], []
-        for total, s, v in zip(carried, rationals(self.s), self.v, strict=True):
-            given = [x + s * y for x, y in zip(base, direction, strict=True)] + rationals(g.torque)
-            total = [x + y for x, y in zip(total, given, strict=True)]
-            total[3:6] = [x - y for x, y in zip(total[3:6], cross(center, total[:3]), strict=True)]
-            missing.append([rounded(x) for x in total])
-            middle = [x + y for x, y in zip(v[:3], cross(v[3:6], center), strict=True)]
-            motions.append([rounded(x) for x in (*middle, *v[3:])])
-        off, moved = np.array(missing), np.array(motions)
+        center, v = exact(g.centroid), self.v
+        total = self._of_rows(exact(phi), g.exact_table[:-1].T) + exact(np.r_[p.wrench, g.torque])
+        if p.along is not None:
+            total[:, :6] += exact(self.s)[:, None] * exact(p.along)
+        total[:, 3:6] -= np.cross(center, total[:, :3])
+        off, moved = floats(total), floats(np.hstack([v[:, :3] + np.cross(v[:, 3:6], center), v[:, 3:]]))
         arms = np.linalg.norm(g.positions - g.centroid, axis=1) + g.lever
         J = np.sqrt((g.J.reshape(g.m, 3, g.l) ** 2).sum(axis=1))
         J[g.soft] += np.abs(g.twist_jacobian)
@@ -280,34 +270,25 @@ class _Curve:
             self._fault("the work of what (1) and (2) miss", work * ABOVE / F * (EPS / WORK))
         where = max(self.faults, key=lambda name: self.faults[name])
         modes = Modes(self.contact, np.zeros(g.m, dtype=bool), self.actuator, self.joint)
-        at_centroid = np.array([[rounded(x) for x in v] for v in self.v])
-        return Near(self.faults[where], where, modes, self.changed, motion_size(g, at_centroid))
+        return Near(self.faults[where], where, modes, self.changed, motion_size(g, floats(v)))
 
 
-def _projected(
-    q: list[list[fmpq]], rows: list[list[fmpq]], units: list[fmpq], at: list[fmpq]
-) -> list[list[fmpq]] | None:
+def _projected(q: Array, rows: Array, units: Array, at: Array) -> Array | None:
     """The points nearest to each q, coordinates over units, at which all rows (n, l) are `at`; None if none is."""
-    if all(dot(row, y) == x for row, x in zip(rows, at, strict=True) for y in q):
+    if not rows.size or ((q @ rows.T) == at).all():
         return q
     n = len(units)
-    both = zip(rows, at, strict=True)
-    scaled = fmpq_mat([[*(x * u for x, u in zip(row, units, strict=True)), end] for row, end in both])
-    basis, rank = scaled.rref()
+    basis, rank = fmpq_mat(np.hstack([rows * units, at[:, None]]).tolist()).rref()
     if rank and all(basis[rank - 1, j] == 0 for j in range(n)):
         return None
     H = fmpq_mat([[basis[i, j] for j in range(n)] for i in range(rank)])
     ends = fmpq_mat([[basis[i, n]] for i in range(rank)])
     gram, out = H * H.transpose(), []
     for y in q:
-        z = fmpq_mat([[x / u] for x, u in zip(y, units, strict=True)])
+        z = fmpq_mat((y / units)[:, None].tolist())
         z -= H.transpose() * gram.solve(H * z - ends)
-        out.append([z[j, 0] * u for j, u in enumerate(units)])
-    return out
-
-
-def _columns(rows: list[list[fmpq]]) -> fmpq_mat:
-    return fmpq_mat(rows).transpose()
+        out.append(units * np.array(z.entries(), dtype=object))
+    return np.array(out)
 
 
 def _positive(x: Array) -> Array:

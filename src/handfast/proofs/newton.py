@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from handfast.proofs.fields import Array, Integers, rational
+from handfast.proofs.fields import Array, Integers, exact
 from handfast.proofs.states import ULP, Contact, Laws, Modes, Numbers, Part, Problem, Rows, State
 
 ROUNDS = 5  # for a box
@@ -213,12 +213,12 @@ class System:
     def _without_dependent(self) -> System:
         """Without equations that others follow from, if they do so exactly; else as it is."""
         scaled = self.units[:, None] * self.A * self.columns
-        exact = self._exact()
-        order = sorted(range(len(exact)), key=lambda i: exact[i] is not None)  # what is not linear first
+        every = self._exact()
+        order = sorted(range(len(every)), key=lambda i: every[i] is not None)  # what is not linear first
         chosen = greedy(scaled[order] / np.maximum(np.linalg.norm(scaled[order], axis=1, keepdims=True), 1e-300))
         used = np.sort(np.array(order, dtype=np.int64)[chosen])
-        dropped = [exact[i] for i in np.setdiff1d(np.arange(len(exact)), used)]
-        basis = [row for row in (exact[i] for i in used) if row is not None]
+        dropped = [every[i] for i in np.setdiff1d(np.arange(len(every)), used)]
+        basis = [row for row in (every[i] for i in used) if row is not None]
         if not dropped or any(row is None for row in dropped) or rank_of(basis) < rank_of(basis + dropped):
             return self
         parts = {name: getattr(self, name)[used] for name in ("value", "value_off", "A", "A_size", "units")}
@@ -227,10 +227,9 @@ class System:
     def _exact(self) -> list[list[fmpq] | None]:
         """(k, n + 1) derivatives and what is missed of the equations that are linear, exactly; None for the others."""
         e, p, M = self.of_modes, self.p, self.p.grasp.exact_table
-        number: Numbers = np.frompyfunc(rational, 1, 1)
         start = np.concatenate([self.v, self.phi[e.unknown], [p.magnitude] * self.sought])
-        _, _, laws, value = e.at(M, number(start), number, smooth=False)
-        A = e.derivative(M, laws.K, number(np.zeros(6) if p.along is None else p.along))
+        _, _, laws, value = e.at(M, exact(start), exact, smooth=False)
+        A = e.derivative(M, laws.K, exact(np.zeros(6) if p.along is None else p.along))
         turns = np.isfinite(self.laws.speed)
         curved = np.concatenate([(M[self.laws.rows[turns].ravel()] != 0).any(axis=0), e.kept < 0, turns[e.full]])
         return [None if some else [*row, y] for some, row, y in zip(curved, A.tolist(), value, strict=True)]
@@ -350,8 +349,8 @@ def _independent(p: Problem, held: Integers, rows: Rows) -> Integers | None:
     if len(H) <= H.shape[1] and np.abs(np.diag(np.linalg.qr(H.T)[1])).min() > DEPENDENT:
         return held
     chosen = greedy(H)
-    exact = [[*p.grasp.exact_rows[k], fmpq(rows.exact[k])] for k in held.tolist()]
-    return held[chosen] if rank_of(exact) == len(chosen) else None
+    whole = [[*p.grasp.exact_rows[k], fmpq(rows.exact[k])] for k in held.tolist()]
+    return held[chosen] if rank_of(whole) == len(chosen) else None
 
 
 def greedy(rows: Array) -> Integers:
