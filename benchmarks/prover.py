@@ -140,7 +140,7 @@ def measure(change: Change, base: dict, at: float | None, seconds: float, cores:
     """Rows of a family from its edge on, from the smallest margin up to the first that is proved."""
     if at is None:
         return [base | {"margin": None, "proved": None, "note": "possible as far as tried"}]
-    rows = []
+    rows, base = [], base | {"limit": seconds * cores}
     for margin in LENGTHS if base["family"].split()[0] in ("away", "move") else ANGLES:
         try:
             problem = TaskProblem.of(change(at + margin))
