@@ -18,6 +18,8 @@ from handfast.proofs.intervals import Dual, Interval, columns, cos, cross, join,
 
 ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
 DEGREE = 100  # of a patch, at most
+NARROW = 9  # degree of a patch, above which parts of it are not worked out: their weights are many
+PARTS = 3  # that a box is cut into along each of a region's two parameters, to be narrow
 AROUND = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
 TURN = 2 * pi * (1 + 1e-12)  # [rad] a full turn, with room for a file's rounding
 
@@ -64,6 +66,9 @@ class Surfaces(Protocol):
     def at(self, parameters: Interval) -> Surface:
         """Point, outward unit normal (axis of a cap's centre), two tangents at parameters (N, P, 2)."""
 
+    def over(self, parameters: Interval) -> Surface:
+        """The same, made to be narrow over boxes and not at points."""
+
 
 @dataclass(frozen=True, eq=False)
 class ContactSide:
@@ -95,7 +100,33 @@ class ContactSide:
 
     def at(self, x: Interval) -> Surface:
         """(N, K, 3) each at coordinates (N, n)."""
-        found = [part.at(x[..., its]) for part, its in self.parts]
+        return self._joined([part.at(x[..., its]) for part, its in self.parts])
+
+    def over(self, x: Interval) -> Surface:
+        """The same, made to be narrow over boxes and not at points; each contact has parameters.
+
+        The box of each contact's own two parameters is cut into `PARTS` by `PARTS`. As `at` with a patch of a degree
+        above `NARROW`.
+        """
+        if any(isinstance(part, _Patches) and max(part.degrees) > NARROW for part, _ in self.parts):
+            return self.at(x)
+        cuts = x.lo[:, None] + (x.hi - x.lo)[:, None] * (np.arange(1, PARTS)[:, None] / PARTS)
+        cuts = np.clip(np.concatenate([x.lo[:, None], cuts, x.hi[:, None]], axis=1), x.lo[:, None], x.hi[:, None])
+        first, second = (a.ravel() for a in np.meshgrid(*[np.arange(PARTS)] * 2, indexing="ij"))
+        which = np.zeros((PARTS**2, x.shape[1]), dtype=np.int64)
+        which[:, self.columns[:, 0]], which[:, self.columns[:, 1]] = first[:, None], second[:, None]
+        n = np.arange(x.shape[1])
+        parts = Interval.between(cuts[:, which, n], cuts[:, which + 1, n])  # (N, PARTS^2, n)
+        found = self._over(parts.reshape(-1, x.shape[1]))
+        return Surface(*(Dual(*(_hull(a, len(x.ends)) for a in (d.value, d.slope))) for d in found))
+
+    def _over(self, x: Interval) -> Surface:
+        """As `over`, uncut."""
+        found, middle = self._joined([part.over(x[..., its]) for part, its in self.parts]), x.mid
+        here, away = self.at(Interval.of(middle)), Interval(np.moveaxis((x - middle)[..., self.columns].ends, 2, 0))
+        return Surface(*(_narrowed(a, b.value, away[..., None]) for a, b in zip(found, here, strict=True)))
+
+    def _joined(self, found: Sequence[Surface]) -> Surface:
         if self.order is None:
             return found[0]
         return Surface(*(join(list(p), -2)[..., self.order, :] for p in zip(*found, strict=True)))
@@ -124,6 +155,8 @@ class _Centres:
         shape = (parameters.shape[0], *self.centre.ends.shape)
         centre, axis = (Dual.constant(Interval(np.broadcast_to(a.ends, shape)), 2) for a in (self.centre, self.axis))
         return Surface(centre, axis, axis, axis)  # a cap's equations have no tangents
+
+    over = at
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +191,8 @@ class _Caps:
         turned = self.frame @ columns([join([a[..., None] for a in v], -1) for v in local])
         direction = turned[..., 0]
         return Surface(direction * self.radius + self.centre, direction * self.sign, turned[..., 1], turned[..., 2])
+
+    over = at
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +255,8 @@ class _CylinderSides:
         turned = self.frame @ columns([join([a[..., None] for a in w], -1) for w in local])
         return Surface(turned[..., 0] + self.centre, turned[..., 1] * self.sign, turned[..., 2], turned[..., 3])
 
+    over = at
+
 
 class _ConeSides(_CylinderSides):
     @classmethod
@@ -238,12 +275,14 @@ class _Patches:
         base: (P, 6, 3) a point amid the control points of each of the derivatives in ORDERS.
         points: (P, 6, I * J, 3) these control points less the base: the polynomials sum to 1, and small
             points lose little to the width of the polynomials.
+        degrees: M, N.
         binomials: (2, 1, 3, I) for u and for v those of degree M, M-1, M-2, 0 beyond. up, down: powers of u and 1-u.
         sign: (P, 1) of the normal.
     """
 
     base: Array
     points: Interval
+    degrees: tuple[int, int]
     binomials: Interval
     up: Integers
     down: Integers
@@ -275,7 +314,8 @@ class _Patches:
             filled[:, n, : a.shape[1], : a.shape[2]] = a.ends
             base[:, n] = a.mid.sum(axis=(1, 2)) / max(1, a.shape[1] * a.shape[2])
         less = Interval(filled) - base[:, :, None, None]
-        return cls(base, less.reshape(P, 6, size**2, 3), *_weights((I - 1, J - 1), size), _signs(patches))
+        degrees = I - 1, J - 1
+        return cls(base, less.reshape(P, 6, size**2, 3), degrees, *_weights(degrees, size), _signs(patches))
 
     def at(self, parameters: Interval) -> Surface:
         w = Interval(np.moveaxis(parameters.ends, -2, 0))  # (2, N, P)
@@ -286,11 +326,43 @@ class _Patches:
         du, dv = (list(order) for order in zip(*ORDERS, strict=True))
         both = weight[0][du][:, :, None] * weight[1][dv][:, None]  # (6, I, J, N, P)
         both = Interval(np.moveaxis(both.ends.reshape(6, -1, *both.ends.shape[3:]), (2, 3), (0, 1)))  # (N, P, 6, I * J)
-        d = (both[:, :, :, None] @ self.points)[..., 0, :] + self.base  # (N, P, 6, 3)
+        return self._surface((both[:, :, :, None] @ self.points)[..., 0, :] + self.base)
+
+    def over(self, parameters: Interval) -> Surface:
+        """As `at`, narrower over boxes: within the control points of the part of the patch that is over a box."""
+        lo, hi = (Interval.of(np.moveaxis(end, -1, 0)) for end in (parameters.lo, parameters.hi))  # (2, N, P)
+        size = int(np.sqrt(self.points.shape[2]))
+        blossoms = _blossoms(lo, hi, size - 1)
+        N, P = lo.shape[1:]
+        ends = np.zeros((N, P, 6, 3, 2))
+        for n, orders in enumerate(ORDERS):
+            I, J = (max(degree - less + 1, 0) for degree, less in zip(self.degrees, orders, strict=True))
+            if not I * J:
+                continue
+            own = Interval(self.points.ends.reshape(P, 6, size, size, 3, 2)[:, n, :I, :J].reshape(P, I, J * 3, 2))
+            rows = (blossoms[I - 1][0] @ own).reshape(N, P, I, J, 3)
+            ends[:, :, n] = (blossoms[J - 1][1][:, :, None] @ rows).ends.max(axis=(2, 3))
+        return self._surface(Interval(ends) + self.base)
+
+    def _surface(self, d: Interval) -> Surface:
+        """Of the derivatives (N, P, 6, 3) in ORDERS."""
         slope = Interval(np.stack([d.ends[..., [1, 3, 4], :, :], d.ends[..., [2, 4, 5], :, :]]))
         jet = Dual(d[..., :3, :], slope)
         first, second = jet[..., 1, :], jet[..., 2, :]
         return Surface(jet[..., 0, :], unit(cross(first, second)) * self.sign, first, second)
+
+
+def _hull(parts: Interval, boxes: int) -> Interval:
+    """(..., N, K, 3) about the parts (..., N * parts, K, 3) of N boxes."""
+    ends = parts.ends
+    return Interval(ends.reshape(*ends.shape[:-4], boxes, -1, *ends.shape[-3:]).max(axis=-4))
+
+
+def _narrowed(over: Dual, middle: Interval, away: Interval) -> Dual:
+    """Values over boxes, which also are those in the middles plus derivatives times ways (2, N, K, 1) from there."""
+    linear = middle + over.slope[0] * away[0] + over.slope[1] * away[1]
+    lo, hi = np.fmax(over.value.lo, linear.lo), np.fmin(over.value.hi, linear.hi)
+    return Dual(Interval.between(lo, hi), over.slope)
 
 
 # kinds of regions, by their key in files
@@ -354,6 +426,28 @@ def _weights(degrees: tuple[int, int], size: int) -> tuple[Interval, Integers, I
                 up[p, less, i], down[p, less, i] = i, degree - less - i
     exact = Interval.of(binomials[..., None, None])
     return (exact if binomials.max() < 2.0**53 else exact * 1.0), up, down
+
+
+def _blossoms(lo: Interval, hi: Interval, most: int) -> list[Interval]:
+    """(2, N, P, d + 1, d + 1) for each degree d: the weights of control points in those of the part from lo to hi.
+
+    Of the part, control point j is the blossom at d - j times lo and j times hi: the weight of control point i is the
+    coefficient of x^i in the product of the factors 1 - lo + lo x and 1 - hi + hi x.
+    """
+    rows = [Interval.of(np.ones((*lo.shape, 1)))]
+    out = []
+    for degree in range(most + 1):
+        out.append(join([row[..., None, :] for row in rows], -2))
+        if degree < most:
+            rows = [_times(rows[0], lo), *(_times(row, hi) for row in rows)]
+    return out
+
+
+def _times(row: Interval, end: Interval) -> Interval:
+    """The coefficients (..., d + 1) of a polynomial times 1 - end + end x."""
+    left, right = row * (1.0 - end)[..., None], row * end[..., None]
+    zero = Interval.of(np.zeros((*end.shape, 1)))
+    return join([left, zero], -1) + join([zero, right], -1)
 
 
 def _powers(u: Interval, count: int) -> Interval:

@@ -151,12 +151,16 @@ class Placements:
         Where forces are limited (N, 1): the work of the load and the least of all contact forces. And (N,) how much
         work at most the load does that a state may miss.
         """
-        at = self.side.at(x)
+        at = self.side.over(x) if n else self.side.at(x)
         point, normal = (self.side.spread(a, n) for a in (at.point, at.normal))
         loads = (Interval.of(motions.weights)[:, None] @ self.loads)[:, 0]
         force, torque = loads[:, :3], loads[:, 3:]
+        about = point.value.mid.mean(axis=1)  # amid the contacts: large numbers that cancel make wide intervals
+        point, torque = point - about[:, None], torque - cross(Interval.of(about), force)
         if line[0] < 0:
-            v, omega = (Dual.constant(Interval.of(motions.twist[:, part]), n) for part in (slice(3), slice(3, 6)))
+            turn = Interval.of(motions.twist[:, 3:])
+            moves = cross(turn, Interval.of(about)) + motions.twist[:, :3]
+            v, omega = (Dual.constant(a, n) for a in (moves, turn))
         else:
             first, second = (point[..., k, :] for k in line)
             omega = second - first
@@ -164,7 +168,7 @@ class Placements:
         u = v[..., None, :] + cross(omega[..., None, :], point)
         work = dot(v, Dual.constant(force, n)) + dot(omega, Dual.constant(torque, n))
         pushed = dot(-normal, u)
-        missed = self._missed(point.value, v.value, omega.value, motions.weights, line)
+        missed = self._missed(point.value, about, (v.value, omega.value), motions.weights, line)
         if np.isfinite(self.force_limit):
             slip = sqrt(sqr(u + pushed[..., None] * normal).sum())
             moved = [k for k in range(self.count) if k not in line]  # the others rest
@@ -172,20 +176,23 @@ class Placements:
             resisted = _positive(slip * self.friction - pushed, most)[..., moved].sum() * self.force_limit
             together = Interval.of(motions.weights).sum()  # forces of each load, by its weight, add up to as much
             return (work - resisted * Dual.constant(together, n))[..., None], missed
-        cones = pushed - sqrt(sqr(u).sum()) * self.sine
+        cones = pushed - sqrt(sqr(u).sum()) * self.sine if self.friction else pushed
         return join([work[..., None], cones], -1), missed
 
-    def _missed(self, p: Interval, v: Interval, omega: Interval, weights: Array, line: tuple[int, int]) -> Array:
+    def _missed(
+        self, p: Interval, about: Array, twist: tuple[Interval, Interval], weights: Array, line: tuple[int, int]
+    ) -> Array:
         """(N,) an upper bound of the work of what a state may miss of the load, see `tolerance`.
 
-        Its torque is about the centroid c of the contacts, their size the largest distance from it. Of a single
-        contact, which has no size, it is the same share of the force and of the torque about the contact.
+        Contacts p are given from points (N, 3), of which v in the twist is the velocity. The torque of a load is about
+        the centroid c of the contacts, their size the largest distance from it. Of a single contact, which has no size,
+        it is the same share of the force and of the torque about the contact.
         """
-        c = p.swapped().sum() / float(p.shape[1])
+        (v, omega), c = twist, p.swapped().sum() / float(p.shape[1])
         away = sqrt(sqr(p - c[..., None, :]).sum())
         smallest, largest = away.lo.max(axis=1), away.hi.max(axis=1)
         force, torque = Interval.of(self.loads[:, :3]), Interval.of(self.loads[:, 3:])
-        each = force, torque - cross(c[:, None], force)  # (k, 3), (N, k, 3)
+        each = force, torque - cross((c + about)[:, None], force)  # (k, 3), (N, k, 3)
         f, moment = ((weights * sqrt(sqr(a).sum()).hi).sum(axis=1) * (1 + weights.shape[1] * 1e-14) for a in each)
         moves, turns = (sqrt(sqr(a).sum()).hi for a in (v + cross(omega, c), omega))
         if p.shape[1] == 2 and line[0] >= 0:
@@ -231,7 +238,7 @@ class Placements:
 
     def _moments(self, x: Interval, center: Array) -> Dual:
         """(N, 3) of the unit vector from one contact to the other, about a point."""
-        at = self.side.spread(self.side.at(x).point, x.shape[1])
+        at = self.side.spread(self.side.over(x).point, x.shape[1])
         first, second = (at[..., k, :] for k in (0, 1))
         return cross(first - center, unit(second - first))
 
