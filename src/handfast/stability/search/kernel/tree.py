@@ -174,8 +174,11 @@ def tried(question, worker, pool, kept, node, work, this, pick, value, cone):
         part = node.tried[k]
         back_to(question, pool, node, work, this)
         left = 0.0
+        little = (node.share[0] / node.share[k]) ** MISSED
         children = split(question, node, work.c, work.d, part)
         for child in range(children):
+            if left * little >= best:
+                break
             place = make_child(question, worker, pool, node, this, part, child)
             solved = bound(question, worker, pool, kept, node, work, place, this, True, cone)
             worker.counts[USED] -= 1
@@ -184,9 +187,8 @@ def tried(question, worker, pool, kept, node, work, this, pick, value, cone):
                 continue
             gain = (objective(question, work.c) - value) / larger(worker.hi[0] - value, 1e-12)
             left += (1.0 - smaller(larger(gain, 0.0), 1.0)) ** 2
-        left *= (node.share[0] / node.share[k]) ** MISSED
-        if left < best:
-            best = left
+        if left * little < best:
+            best = left * little
             pick = part
         if best == 0.0:
             break
