@@ -41,6 +41,11 @@ def test_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (said["loading"], said["steps"], said["reached"], said["slips_at"]) == ("preload-first", 4, 1.0, None)
 
 
+def test_a_path_of_one_step(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "check", "fig9", "--wrench", "0", "0", "0.01", *FIRST)
+    assert "After the squeeze 1 step leads to 0.01 N along +z" in " ".join(out.split())
+
+
 def test_a_path_that_ends(capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = run(capsys, "check", "fig9", "--wrench", "0", "4", "0", *FIRST)
     assert "After the squeeze the path to 4 N along +y ends: from 50 % of it, 75 % are not reached" in " ".join(

@@ -111,7 +111,8 @@ def _path_sentence(answer: CheckAnswer, path: LoadPath, load: str) -> str:
     """Of a load that comes after the squeeze."""
     steps = count(len(path.steps) - 1, "step")
     if answer.verdict is Verdict.HOLDS:
-        return f"After the squeeze {steps} lead to {load}, each to an exact equilibrium that was found and checked."
+        lead = "leads" if len(path.steps) == 2 else "lead"
+        return f"After the squeeze {steps} {lead} to {load}, each to an exact equilibrium that was found and checked."
     if answer.verdict is Verdict.SLIPS and path.reached is None:
         return f"The commands alone are in no balance, so that no path leads to {load}{up_to(answer)}."
     reached = f"{num(100 * (path.reached or 0.0))} %"

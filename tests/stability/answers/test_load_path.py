@@ -18,11 +18,13 @@ from handfast.proofs.kinds import Row
 from handfast.proofs.rows import Columns, LeafRows, row_values
 from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import any_state
-from handfast.stability.answers.load_path import StepAnswer, start_after
+from handfast.stability.answers.check_query import _of_path
+from handfast.stability.answers.load_path import Follower, StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.bound_problem import stated
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
+from handfast.stability.search.solve import clock_of
 
 FIRST = "preload-first"
 
@@ -83,6 +85,25 @@ def test_a_jaw_that_gave_way_in_the_squeeze_holds_more() -> None:
     assert slips.verdict is Verdict.SLIPS
     assert slips.verify().ok
     assert slips.path.slips_at <= 1
+
+
+def test_a_straight_step_is_not_asked_again_in_shorter_ones() -> None:
+    """Up to s = 1/2 both sides of the jaw stick: states of shorter steps are on the line that one step draws."""
+    held = check(jaw(), [-0.3, 0.1, 0], loading=FIRST)
+    assert (held.path.by_steps, held.path.resolution) == ({1: 1.0}, 0.0)
+    assert held.verify().ok
+    last = held.path.steps[-1].witness.state
+    for s in (0.25, 0.7):
+        there = check(jaw(), [-0.3 * s, 0.1 * s, 0], loading=FIRST).path.steps
+        assert there[-1].witness.state.c == pytest.approx((1 - s) * there[0].witness.state.c + s * last.c, abs=1e-9)
+
+
+def test_a_step_in_which_something_lets_go_is_asked_again() -> None:
+    """The wall opens on the way to the whole load, so that the middle of the line is no state."""
+    grasp = padded(MOTOR, friction=0.4)
+    held = check(grasp, [-1.3, 0, 0], loading=FIRST)
+    assert len(held.path.by_steps) > 1
+    assert held.path.resolution > 0
 
 
 def test_where_gearing_is_let_go_the_path_is_the_papers_again() -> None:
@@ -303,9 +324,11 @@ def test_rows_of_certificates_hold_at_the_states_of_a_step() -> None:
 
 
 def forged(change: Any, **asked: Any) -> str:
-    """Why the replay refuses a path of the jaw after a change to its file."""
-    answer = check(jaw(), asked.get("load", [-0.6, 0.6, 0]), loading=FIRST)
-    data = answer.to_file()
+    """Why the replay refuses a path of the jaw, in four steps, after a change to its file."""
+    settings = Settings()
+    whole = scaled_problem.build(jaw(), asked.get("load", [-0.6, 0.6, 0]))
+    path = Follower(whole, settings, clock_of(settings), None).along(np.linspace(0.0, 1.0, 5))
+    data = _of_path(path, 0.0).to_file()
     assert path_steps.replay(path_steps.read_path(data)).ok
     change(data)
     return path_steps.replay(path_steps.read_path(data)).reason

@@ -27,13 +27,13 @@ from handfast.proofs.existence import Proved
 from handfast.proofs.states import came_from
 from handfast.proofs.tolerance import ENDLESS, farthest
 from handfast.stability.answers.answer import Answer, any_state, witness_json
-from handfast.stability.problem import scaled_problem
+from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.model import State, relative_motion
 from handfast.stability.problem.objective import ANY_STATE, LARGEST
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
-from handfast.stability.problem.witness import Witness
+from handfast.stability.problem.witness import VALID, Witness
 from handfast.stability.search.solve import clock_of, solve, time_left
 
 COUNTS = 1, 4, 16, 64  # steps to the whole load, or to where one step leads, until two paths in turn say the same
@@ -78,7 +78,8 @@ class LoadPath:
         by_steps: how far paths of 1, 4, 16 ... steps came, this one among them; 1 is the whole load of a check.
         other_choice: how far the path of as many steps comes that goes on from states as the search met them; None
             where there was nothing to choose.
-        resolution: to what share of the load steps were refined at most, or ends of paths agree.
+        resolution: to what share of the load steps were refined at most, or ends of paths agree; 0 where shorter steps
+            lead through the same states.
         nodes: of all steps that were tried.
     """
 
@@ -207,6 +208,7 @@ class Follower:
         whole: the scaled problem of the whole load, from rest; limits: of the question's time.
         made: (magnitude, bytes of the start) -> what was found: paths of other steps begin alike.
         before: of each start the magnitude and the state before it, and the same of the one before that, None at first.
+        straight: of each choice the first steps of its last path, as far as shorter ones lead through the same states.
     """
 
     whole: ScaledProblem
@@ -215,6 +217,7 @@ class Follower:
     on_progress: OnStep | None
     made: dict[tuple[float, bytes], StepAnswer] = field(default_factory=dict)
     before: dict[Start, tuple[Known, Known | None]] = field(default_factory=dict)
+    straight: dict[Pick, list[tuple[float, StepAnswer]]] = field(default_factory=dict)
     nodes: int = 0
 
     def step(self, grasp: Grasp, magnitude: float, prove: bool = True) -> StepAnswer:
@@ -253,16 +256,45 @@ class Follower:
         self.before[start] = (magnitude, w.state), earlier
         return self.whole.grasp.with_start(start)
 
-    def along(self, magnitudes: Array, pick: Pick = shown) -> LoadPath:
-        """The path with states at some magnitudes, the first of which is 0, as far as it goes."""
-        steps, grasp = [], self.whole.grasp
-        for m in magnitudes.tolist():
-            steps.append(self.step(grasp, m))
-            after = self.after(steps[-1], m, pick) if steps[-1].verdict is Verdict.HOLDS else None
+    def is_straight(self, w: Witness) -> bool:
+        """Do shorter steps lead to the same state, along the line from the state before it?
+
+        Yes, if the middle of the line is a state of the step. In the share of the line each equation is linear, or a
+        product of two linear terms that keep their signs, which is 0 at the end and in the middle: so it is 0 all
+        along. The rest of the step from anywhere on the line has the same direction, so the same holds for it.
+        """
+        start = w.grasp.start
+        if start is None:
+            return True
+        (m, x), _ = self.before[start]
+        forces = ((a + b) / 2 for a, b in zip(_forces(x), _forces(w.state), strict=True))
+        load = (m * self.whole.wrench + w.wrench) / 2
+        middle = State(w.state.r / 2, w.state.q / 2, *forces)
+        return bool(judge.residuals(w.grasp, load, middle, eta=w.eta).worst <= VALID)
+
+    def along(self, magnitudes: Array, pick: Pick = shown, prove: bool = True) -> LoadPath:
+        """The path with states at some magnitudes, the first of which is 0, as far as it goes.
+
+        prove: that the last step has no state, too; the commands alone are always proved to have none.
+        """
+        line = list(self.straight.get(pick, ()))
+        grasp, straight = self.whole.grasp, True
+        if line:
+            grasp = self.after(line[-1][1], line[-1][0], pick) or grasp
+        for m in magnitudes[magnitudes > line[-1][0]].tolist() if line else magnitudes.tolist():
+            step = self.step(grasp, m, prove or m == 0)
+            line.append((m, step))
+            last = m == magnitudes[-1]
+            w = None if step.verdict is not Verdict.HOLDS else step.found if last else pick(step)
+            straight = straight and w is not None and self.is_straight(w)
+            after = None if w is None or last else self.after(step, m, pick)
             if after is None:
                 break
             grasp = after
-        return self._path(steps, magnitudes.tolist())
+            if straight:
+                self.straight[pick] = list(line)
+        path = self._path([s for _, s in line], [m for m, _ in line])
+        return replace(path, resolution=0.0) if straight else path
 
     def to_end(self, size: float, last: float, pick: Pick = shown) -> LoadPath:
         """The path in steps of a size at most, as far as it goes, or to the last magnitude; finer where it ends."""
@@ -303,8 +335,8 @@ class Follower:
         return LoadPath(BoundProblem(self.whole, ANY_STATE), tuple(magnitudes[: len(steps)]), tuple(steps))
 
     def chosen_otherwise(self, path: LoadPath) -> bool:
-        """Does the search meet another state than that of least motion anywhere on a path?"""
-        return any(_differ(s) for s in path.held)
+        """Does the search meet another state than that of least motion, anywhere a path goes on from?"""
+        return any(_differ(s) for s in path.held[: len(path.steps) - 1])
 
 
 def _differ(step: StepAnswer) -> bool:
@@ -338,9 +370,9 @@ def check_path(p: ScaledProblem, settings: Settings, on_progress: OnStep | None 
     by_steps: dict[int, float] = {}
     before = None
     for n in COUNTS:
-        path = follower.along(np.linspace(0.0, 1.0, n + 1))
+        path = follower.along(np.linspace(0.0, 1.0, n + 1), prove=n > 1)
         by_steps[n], verdict = path.reached or 0.0, path.steps[-1].verdict
-        if not path.held or verdict is Verdict.UNDECIDED or verdict is before:
+        if not path.held or verdict is Verdict.UNDECIDED or verdict is before or path.resolution == 0:
             break
         before = verdict
     other = None
