@@ -359,6 +359,17 @@ def test_a_chain_with_a_fault_is_refused() -> None:
     def begun(data: Any) -> None:
         data["steps"][0]["from"] = data["steps"][1]["from"]
 
+    def swapped(data: Any) -> None:
+        one, other = data["steps"][2:4]
+        one["from"], other["from"] = other["from"], one["from"]
+
+    def scaled(data: Any) -> None:
+        """The question and all witnesses speak of half of the load."""
+        for part in (data["question"], *(step["witness"] for step in data["steps"])):
+            part["wrench"] = [x / 2 for x in part["wrench"]]
+
+    assert "its gaps are not those" in forged(swapped)
+    assert forged(scaled)
     assert "not of the commands alone, from rest" in forged(begun)
     assert "its gaps are not those" in forged(gap)
     assert "its gaps are not those" in forged(skipped)
