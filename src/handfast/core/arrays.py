@@ -1,4 +1,4 @@
-"""Arrays: the types of their annotations, and read-only copies of what came from outside."""
+"""Arrays: the types of their annotations, read-only copies of what came from outside, products of many at once."""
 
 from __future__ import annotations
 
@@ -28,4 +28,21 @@ def frozen(a: object, shape: tuple[int, ...], field: str) -> Array:
     if not np.isfinite(out).all():
         raise InputError("contains NaN or infinity; finite numbers are needed", field=field)
     out.flags.writeable = False
+    return out
+
+
+def transposed(M: Array) -> Array:
+    """(..., n, r) of (..., r, n)."""
+    return M.swapaxes(-1, -2)
+
+
+def times(M: Array, x: Array) -> Array:
+    """(..., r) M x of vectors x (..., n): one matrix (r, n) for all of them, or (k, r, n), one for each of (k, n)."""
+    out: Array = x @ M.T if M.ndim == 2 else (M @ x[..., None])[..., 0]
+    return out
+
+
+def transposed_times(M: Array, x: Array) -> Array:
+    """(..., n) M^T x of vectors x (..., r), see `times`."""
+    out: Array = x @ M if M.ndim == 2 else (x[..., None, :] @ M)[..., 0, :]
     return out

@@ -14,6 +14,7 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
+from handfast.stability.answers import MaxAnswer
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies import batch
@@ -165,6 +166,56 @@ def test_shapes_of_several_grasps() -> None:
     assert table_["grasp"].tolist() == [0, 0, 1, 1, 2, 2]
     assert table_["fy"].tolist() == [0.8, 0.5, 0.5, 0.8, 0.8, 0.5]
     assert "attained" not in table_
+
+
+MIXED = [solved(seed, 4).grasp for seed in (1, 2, 5, 8)] + [bell(), pinch(), hand(), tendons(bell()), nest()]
+
+
+@pytest.mark.parametrize("ask", [check_many, max_many])
+@pytest.mark.parametrize("limits", [GraspLimits(), GraspLimits(0.1), GraspLimits(force_limit=3.0)])
+def test_a_question_of_each_of_many_grasps_is_answered_as_by_itself(ask: Any, limits: GraspLimits) -> None:
+    """To the last bit whichever other grasps there are; and as the query for one says."""
+    W = np.array([loads(g, 2, seed=4) for g in MIXED])
+    together = ask(MIXED, W, settings=QUICK, limits=limits, jobs=1)
+    for k, g in enumerate(MIXED):
+        by_itself = ask(g, W[k], settings=QUICK, limits=limits, jobs=1)
+        for name in ("verdict", "lower", "upper", "unbounded", "residual", "nodes", "stop", "error"):
+            np.testing.assert_array_equal(
+                getattr(together, name)[k], getattr(by_itself, name), err_msg=f"{g.name} {name}"
+            )
+        for i, w in enumerate(W[k]):
+            one = (check if ask is check_many else maximum)(g, w, settings=QUICK, limits=limits)
+            assert together.verdict[k, i] == one.verdict
+            if isinstance(one, MaxAnswer):
+                assert together.unbounded[k, i] == one.unbounded
+                assert together.lower[k, i] <= one.upper * (1 + 1e-9)
+                assert one.lower <= together.upper[k, i] * (1 + 1e-9)
+
+
+def test_most_grasps_need_no_search_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone: list[int] = []
+    by_itself = batch._alone
+    monkeypatch.setattr(batch, "_alone", lambda *given: alone.append(given[2]) or by_itself(*given))
+    grasps = [g for seed in range(20) if (g := solved(seed, 4).grasp).command.any()]
+    max_many(grasps, np.array([loads(g, 1, seed=4) for g in grasps]), settings=QUICK, jobs=1)
+    assert len(alone) <= 2
+    assert len(grasps) >= 12
+
+
+def test_bad_rows_of_some_grasps_leave_the_others_alone() -> None:
+    """What is no number, no direction, or nothing that the contacts could balance: as `maximum` says it of one."""
+    grasps = [pinch(), pinch(0.3), pinch(0.4), pinch(0.6)]
+    D = np.tile([0.0, 1.0, 0, 0, 0, 0], (4, 1, 1))
+    good = max_many(grasps, D, settings=QUICK)
+    D[0, 0, 1], D[1, 0, 1], D[2, 0] = np.nan, 0.0, [0, 0, 0, 1.0, 0, 0]
+    found = max_many(grasps, D, settings=QUICK)
+    assert (good.verdict == "holds").all()
+    for k in range(3):
+        with pytest.raises(InputError) as refused:
+            maximum(grasps[k], D[k, 0], settings=QUICK)
+        assert found.error[k, 0] == str(refused.value)
+        assert found.verdict[k, 0] == ""
+    assert (found.lower[3, 0], found.error[3, 0]) == (good.lower[3, 0], "")
 
 
 def test_a_bad_row_has_its_reason_and_others_go_on() -> None:

@@ -111,14 +111,14 @@ class EquivalentGrasp:
         """[N] the largest torque that is given to a joint that may move a contact, as a force there."""
         l = self.grasp.l
         paired = sum((pair.friction * pair.weights for pair in self.pairs), np.zeros(l))
-        given = np.abs(self.plain.given_torques[:l] - paired) / self.arms[:l]
-        return float(given[self.grasp.touches & ~self.held].max(initial=0.0))
+        given = np.abs(self.plain.given_torques[:l] - paired) / self.arms[..., :l]
+        return float(np.where(self.grasp.touches & ~self.held, given, 0.0).max(initial=0.0))
 
     @cached_property
     def largest_friction(self) -> float:
         """[N] the largest friction of a joint that may move a contact, as a force there."""
         moves = self.grasp.touches & ~self.held
-        return float((self.grasp.joint_friction / self.arms[: self.grasp.l])[moves].max(initial=0.0))
+        return float(np.where(moves, self.grasp.joint_friction / self.arms[..., : self.grasp.l], 0.0).max(initial=0.0))
 
     @cached_property
     def backdrivable(self) -> tuple[int, ...]:

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from handfast.core.arrays import Array, Mask
+from handfast.core.arrays import Array, Mask, times, transposed
 from handfast.model.grasp import Grasp
 from handfast.stability.problem.exact_sums import Sums, exact_sums
+from handfast.stability.problem.grasp_rows import AnyGrasp, grasp_of
 from handfast.stability.problem.model import (
     State,
     StateRows,
@@ -42,7 +43,7 @@ LARGE = 1e4  # times the largest force: motions and forces from which on sums ar
 VANISHING = 1e-100  # numbers below are scaled up before anything is squared
 
 
-def load_scale(grasp: Grasp, w: Array, command: Array | None = None) -> Any:
+def load_scale(grasp: AnyGrasp, w: Array, command: Array | None = None) -> Any:
     """[N] what residuals are measured by: the load (6,), its force, or its torque about the contacts' middle over size.
 
     Without a load the largest command or given torque, each over its joint's unit; 1 if none acts. Contact forces,
@@ -53,20 +54,20 @@ def load_scale(grasp: Grasp, w: Array, command: Array | None = None) -> Any:
     if np.all(scale > 0) or not grasp.l:
         return np.where(scale > 0, scale, 1.0)[()]
     f_c = grasp.command if command is None else command
-    drives = np.abs(grasp.mechanism.R.T * f_c[..., None, :]) / own.units[:, None]
-    given = float((np.abs(grasp.given_torques) / own.units).max())
+    drives = np.abs(transposed(grasp.mechanism.R) * f_c[..., None, :]) / own.units[..., None]
+    given = (np.abs(grasp.given_torques) / own.units).max(axis=-1)
     beside = np.maximum(drives.max(axis=(-2, -1), initial=0.0), given)
     return np.where(scale > 0, scale, np.where(beside > 0, beside, 1.0))[()]
 
 
 class _Arms(NamedTuple):
-    """What residuals of a grasp's states take of the grasp alone."""
+    """What residuals of a grasp's states take of the grasp alone; of many grasps with one more axis in front."""
 
     joints: Array  # (l,) `joint_arms`
     actuators: Array  # (a,) `actuator_arms`
     units: Array  # (l,) `joint_units`
     middle: Array  # (3,) of the contacts
-    reach: float  # [m] of the contacts from the origin
+    reach: Any  # [m] of the contacts from the origin
     slip: Array  # (k, l) motion at a contact per unit of each coupling
     moves: Mask  # (a,) bool: actuators that may move without a command
     backdrivable: Mask  # (a,)
@@ -74,23 +75,23 @@ class _Arms(NamedTuple):
 
 
 @lru_cache(maxsize=8)  # of a grasp that is asked again and again
-def _arms(grasp: Grasp) -> _Arms:
+def _arms(grasp: AnyGrasp) -> _Arms:
     mech, arms = grasp.mechanism, joint_arms(grasp)
     lo, hi = reaction_range(grasp)
     return _Arms(
         joints=arms,
         actuators=arms_of_actuators(np.abs(mech.R), arms),
         units=joint_units(grasp),
-        middle=grasp.positions.mean(axis=0),
-        reach=float(np.abs(grasp.positions).max(initial=0.0)),
-        slip=np.divide(arms, np.abs(mech.A), out=np.zeros(mech.A.shape), where=mech.A != 0),
+        middle=grasp.positions.mean(axis=-2),
+        reach=np.abs(grasp.positions).max(axis=(-2, -1), initial=0.0),
+        slip=np.divide(arms[..., None, :], np.abs(mech.A), out=np.zeros(mech.A.shape), where=mech.A != 0),
         moves=commanded(grasp, np.zeros(mech.a)),
         backdrivable=np.array(mech.backdrivable, dtype=bool),
         reaction=(lo / arms, hi / arms),
     )
 
 
-def linear_sums(grasp: Grasp, w: Array, state: State | StateRows, force: Any) -> Sums:
+def linear_sums(grasp: AnyGrasp, w: Array, state: State | StateRows, force: Any) -> Sums:
     """The linear equations at a state, or at many, in floating point where rounding cannot matter, else exact.
 
     Large numbers that cancel hide what they are added to, and G and J are rounded: a locked motor and a coupling on
@@ -108,13 +109,13 @@ def linear_sums(grasp: Grasp, w: Array, state: State | StateRows, force: Any) ->
         (np.abs(x.q) * arms).max(axis=-1, initial=0.0),
         (np.abs(x.reaction) / arms).max(axis=-1, initial=0.0),
         (np.abs(x.f) / own.actuators).max(axis=-1, initial=0.0),
-        (np.abs(mech.A) * np.abs(x.coupling)[..., None] / arms).max(axis=(-2, -1), initial=0.0),
+        (np.abs(mech.A) * np.abs(x.coupling)[..., None] / arms[..., None, :]).max(axis=(-2, -1), initial=0.0),
     ]
     largest = np.maximum.reduce(sizes)
     sums = Sums(
         object_balance(grasp, x.c, w, torsion),
         joint_balance(grasp, x.c, x.f, x.coupling, x.reaction, torsion),
-        x.q @ mech.A.T,
+        times(mech.A, x.q),
         relative_motion(grasp, x.r, x.q),
         actuator_motion(grasp, x.q),
         turning(grasp, x.r, x.q),
@@ -123,9 +124,9 @@ def linear_sums(grasp: Grasp, w: Array, state: State | StateRows, force: Any) ->
     if not np.any(exact):
         return sums
     if isinstance(x, State):
-        return exact_sums(grasp, w, x)
+        return exact_sums(grasp_of(grasp), w, x)
     for i in np.flatnonzero(exact & np.isfinite(largest) & np.isfinite(w).all(axis=-1)):
-        one = exact_sums(grasp, w[i], x.row(int(i)))
+        one = exact_sums(grasp_of(grasp, int(i)), w[i], x.row(int(i)))
         for f in fields(Sums):
             getattr(sums, f.name)[i] = getattr(one, f.name)
     return sums
@@ -156,7 +157,7 @@ class Residuals:
 
 
 def residuals(
-    grasp: Grasp,
+    grasp: AnyGrasp,
     w: Array,
     state: State | StateRows,
     *,
@@ -167,7 +168,7 @@ def residuals(
     """Check a state, or many of one grasp, against the exact model, equations (1) to (8).
 
     Args:
-        grasp: contacts, joints, mechanism, commands.
+        grasp: contacts, joints, mechanism, commands; of many states it may be one grasp each.
         w: (6,) disturbance [N, N m], object frame at the object's origin; (k, 6) of many states.
         state: the candidate, or the candidates.
         eta: uncertainty of the contact normals [rad], equation (17).
@@ -180,10 +181,14 @@ def residuals(
     small = (largest > 0) & (largest < VANISHING)  # numbers whose squares vanish
     with np.errstate(all="ignore"):
         if isinstance(state, State):
-            return _scaled_up(grasp, w, state, f_c, eta, mdp) if small else _residuals(grasp, w, state, f_c, eta, mdp)
+            return (
+                _scaled_up(grasp_of(grasp), w, state, f_c, eta, mdp)
+                if small
+                else _residuals(grasp, w, state, f_c, eta, mdp)
+            )
         out = _residuals(grasp, w, state, f_c, eta, mdp)
         for i in np.flatnonzero(small):
-            one = _scaled_up(grasp, w[i], state.row(int(i)), f_c[i], eta, mdp)
+            one = _scaled_up(grasp_of(grasp, int(i)), w[i], state.row(int(i)), f_c[i], eta, mdp)
             for f in fields(out):
                 getattr(out, f.name)[i] = getattr(one, f.name)
     return out
@@ -196,7 +201,7 @@ def _scaled_up(grasp: Grasp, w: Array, x: State, f_c: Array, eta: float, mdp: bo
     return residuals(grasp.with_laws_times(s), s * w, x.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
 
 
-def _residuals(grasp: Grasp, w: Array, x: State | StateRows, f_c: Array, eta: float, mdp: bool) -> Residuals:
+def _residuals(grasp: AnyGrasp, w: Array, x: State | StateRows, f_c: Array, eta: float, mdp: bool) -> Residuals:
     own, many = _arms(grasp), w.shape[:-1]
     F = load_scale(grasp, w, f_c)
     sums = linear_sums(grasp, w, x, F)
@@ -241,7 +246,7 @@ def _residuals(grasp: Grasp, w: Array, x: State | StateRows, f_c: Array, eta: fl
     )
 
 
-def _of_start(grasp: Grasp, name: str) -> Any:
+def _of_start(grasp: AnyGrasp, name: str) -> Any:
     """A part of the state that a step starts from, 0 where nothing has moved yet."""
     return 0.0 if grasp.start is None else getattr(grasp.start, name)
 

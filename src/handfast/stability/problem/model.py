@@ -21,8 +21,9 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from handfast.core.arrays import Array, Indices, Mask, frozen
+from handfast.core.arrays import Array, Indices, Mask, frozen, times, transposed_times
 from handfast.model.grasp import Grasp
+from handfast.stability.problem.grasp_rows import AnyGrasp
 
 NO_ARM = 1e-14  # relative: an arm that rounding makes
 NO_REACTION: Array = np.zeros(0)  # of a state that was given none: its joints carry nothing themselves
@@ -109,33 +110,33 @@ class StateRows:
         return StateRows(*(s[:, None] * getattr(self, f.name) for f in fields(self)))
 
 
-# --- the equations, one function each; of one state, or of many in rows (..., n) -----------------
+# --- the equations, one function each; of one state, or of many in rows (..., n), of one grasp or of one each -----
 
 
-def twisting(grasp: Grasp, torsion: Array) -> Array:
+def twisting(grasp: AnyGrasp, torsion: Array) -> Array:
     """(s,) [N] torsions (m,) of the soft fingers over their levers, comparable with c_t."""
     out: Array = torsion[..., grasp.soft] / grasp.levers
     return out
 
 
-def object_balance(grasp: Grasp, c: Array, w: Array, torsion: Array | None = None) -> Array:
+def object_balance(grasp: AnyGrasp, c: Array, w: Array, torsion: Array | None = None) -> Array:
     """(6,) G c + w, zero in equilibrium: equation (1), with the torsions (m,) of soft fingers."""
-    out: Array = c @ grasp.G.T + w
+    out: Array = times(grasp.G, c) + w
     if torsion is None or not len(grasp.soft):
         return out
     return out + twisting(grasp, torsion) @ grasp.twist_map.T
 
 
-def joint_torques(grasp: Grasp, c: Array, torsion: Array | None = None) -> Array:
+def joint_torques(grasp: AnyGrasp, c: Array, torsion: Array | None = None) -> Array:
     """(l,) tau = J^T c: equation (2) with the sign that its own virtual work demands, and torsions (m,)."""
     if torsion is None or not len(grasp.soft):
-        return c @ grasp.J
+        return transposed_times(grasp.J, c)
     out: Array = c @ grasp.J + twisting(grasp, torsion) @ grasp.twist_jacobian
     return out
 
 
 def joint_balance(
-    grasp: Grasp,
+    grasp: AnyGrasp,
     c: Array,
     f: Array,
     coupling: Array,
@@ -147,34 +148,35 @@ def joint_balance(
     rho: (l,) the joints' reactions, none by default; given: the torques that springs and the like exert whatever moves.
     torsion: (m,) of the contacts.
     """
-    out = joint_torques(grasp, c, torsion) - f @ grasp.mechanism.R - coupling @ grasp.mechanism.A
+    mech = grasp.mechanism
+    out = joint_torques(grasp, c, torsion) - transposed_times(mech.R, f) - transposed_times(mech.A, coupling)
     if not grasp.has_laws:
         return out
     return out - grasp.given_torques - (0.0 if reaction is None else reaction)
 
 
-def relative_motion(grasp: Grasp, r: Array, q: Array) -> Array:
+def relative_motion(grasp: AnyGrasp, r: Array, q: Array) -> Array:
     """(3m,) d = G^T r - J q, motion of the object relative to the finger, contact frames: equation (3)."""
-    return r @ grasp.G - q @ grasp.J.T
+    return transposed_times(grasp.G, r) - times(grasp.J, q)
 
 
-def turning(grasp: Grasp, r: Array, q: Array) -> Array:
+def turning(grasp: AnyGrasp, r: Array, q: Array) -> Array:
     """(s,) turning of the object against each soft finger about the normal, times the lever: (3) for torsion."""
     out: Array = r @ grasp.twist_map - q @ grasp.twist_jacobian.T
     return out
 
 
-def friction(grasp: Grasp, c: Array, torsion: Array) -> Array:
+def friction(grasp: AnyGrasp, c: Array, torsion: Array) -> Array:
     """(m, 3) [N] c_t1, c_t2 and torsion over the lever, of each contact; the last is 0 at point contacts."""
     return _with_twist(grasp, c, twisting(grasp, torsion))
 
 
-def sliding(grasp: Grasp, d: Array, turned: Array) -> Array:
+def sliding(grasp: AnyGrasp, d: Array, turned: Array) -> Array:
     """(m, 3) d_t1, d_t2 and `turning` (s,) of each contact: what `friction` works against."""
     return _with_twist(grasp, d, turned)
 
 
-def _with_twist(grasp: Grasp, x: Array, twist: Array) -> Array:
+def _with_twist(grasp: AnyGrasp, x: Array, twist: Array) -> Array:
     """(m, 3) tangential components of x (3m,), and those of the soft fingers (s,)."""
     out = np.zeros((*x.shape[:-1], grasp.m, 3))
     out[..., :2] = x.reshape(*x.shape[:-1], grasp.m, 3)[..., 1:]
@@ -217,12 +219,12 @@ def dissipation_defect(normal: Array, rubs: Array, slides: Array, mu: Array) -> 
     return rubs * lengths(slides)[..., None] + (mu * normal)[..., None] * slides
 
 
-def actuator_motion(grasp: Grasp, q: Array) -> Array:
+def actuator_motion(grasp: AnyGrasp, q: Array) -> Array:
     """(a,) t = R q, the actuator displacements that equation (8) speaks of."""
-    return q @ grasp.mechanism.R.T
+    return times(grasp.mechanism.R, q)
 
 
-def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
+def commanded(grasp: AnyGrasp, command: Array | None = None) -> Mask:
     """(a,) bool: which actuators may move; the rest is locked.
 
     Those that are commanded, a tendon that may go slack, a motor that can be driven back.
@@ -232,7 +234,7 @@ def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
     return (f_c != 0) | np.array(mech.tendon, dtype=bool) | np.array(mech.backdrivable, dtype=bool)
 
 
-def reaction_range(grasp: Grasp) -> tuple[Array, Array]:
+def reaction_range(grasp: AnyGrasp) -> tuple[Array, Array]:
     """(l,) each: lo <= rho <= hi of the joints' reactions, infinite where a stop carries.
 
     rho = lo where q_j > 0 and hi where q_j < 0: dry friction takes all that it can (maximum dissipation in one
@@ -246,7 +248,7 @@ def reaction_range(grasp: Grasp) -> tuple[Array, Array]:
     return np.where(upper, -np.inf, -friction), np.where(lower, np.inf, friction)
 
 
-def beyond_stops(grasp: Grasp, reaction: Array) -> tuple[Array, Array]:
+def beyond_stops(grasp: AnyGrasp, reaction: Array) -> tuple[Array, Array]:
     """(l,) and (..., l): senses of the joints that had left their stop before the step, and what of it stops carry.
 
     Friction takes F against the step's motion; only where the whole motion comes back to the stop does that carry more.
@@ -265,32 +267,36 @@ def reaction_defect(q: Array, reaction: Array, lo: Array, hi: Array) -> Array:
 # --- scales: what a residual is measured against ------------------------------------------------
 
 
-def joint_arms(grasp: Grasp) -> Array:
+def joint_arms(grasp: AnyGrasp) -> Array:
     """(l,) motion of the contacts per unit joint motion: J's column norms.
 
     A joint that does nothing but turn soft fingers about their normals has their levers for an arm, one that moves
     nothing, or next to nothing for the grasp's size, its unit.
     """
-    arms = np.sqrt((grasp.J * grasp.J).sum(axis=0))
+    arms = np.sqrt((grasp.J * grasp.J).sum(axis=-2))
     least, units = NO_ARM * joint_units(grasp), joint_units(grasp)
     if len(grasp.soft):
         arms = np.where(arms > least, arms, np.sqrt((grasp.twist_jacobian**2).sum(axis=0)))
     return np.where(arms > least, arms, units)
 
 
-def joint_units(grasp: Grasp) -> Array:
+def joint_units(grasp: AnyGrasp) -> Array:
     """(l,) torque or force of a joint that counts as much as a unit of force: the grasp's size if it turns, else 1."""
-    return np.array([grasp.size if joint.type == "revolute" else 1.0 for joint in grasp.joints])
+    size = np.asarray(grasp.size)[..., None]
+    return np.where([joint.type == "revolute" for joint in grasp.joints], size, 1.0)
 
 
-def actuator_arms(grasp: Grasp) -> Array:
+def actuator_arms(grasp: AnyGrasp) -> Array:
     """(a,) motion of the contacts per unit actuator motion, the smallest over the joints it drives."""
     return arms_of_actuators(np.abs(grasp.mechanism.R), joint_arms(grasp))
 
 
 def arms_of_actuators(R: Array, arms: Array) -> Array:
     """The same of |R| and the joints' arms."""
-    return np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1) if R.size else np.ones(0)
+    if not R.size:
+        return np.ones(R.shape[:-1])
+    least: Array = np.where(R > 0, arms[..., None, :] / np.where(R > 0, R, 1.0), np.inf).min(axis=-1)
+    return least
 
 
 def force_scale(w: Array, c: Array) -> float:

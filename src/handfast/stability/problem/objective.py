@@ -157,7 +157,7 @@ class AnyState(Objective):
     bounds_energy = True
 
     def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
-        return AffineLoad(base, np.zeros(6), command, np.zeros(len(command)), given, np.zeros(len(given)))
+        return AffineLoad(base, np.zeros(6), command, np.zeros(command.shape), given, np.zeros(given.shape))
 
     def claim(self, scalar: Range | None) -> str:
         return "the disturbance is not resisted"
@@ -185,7 +185,7 @@ class SmallestPreload(Objective):
     bounds_energy = True
 
     def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
-        return AffineLoad(direction, np.zeros(6), np.zeros(len(command)), command, np.zeros(len(given)), given)
+        return AffineLoad(direction, np.zeros(6), np.zeros(command.shape), command, np.zeros(given.shape), given)
 
     def claim(self, scalar: Range | None) -> str:
         return f"the direction is not resisted with {_range(scalar)} times the preload"
@@ -229,7 +229,7 @@ class LargestMagnitude(Objective):
     maximised = True
 
     def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
-        return AffineLoad(base, direction, command, np.zeros(len(command)), given, np.zeros(len(given)))
+        return AffineLoad(base, direction, command, np.zeros(command.shape), given, np.zeros(given.shape))
 
     def claim(self, scalar: Range | None) -> str:
         return f"{_range(scalar)} times the direction is not resisted"
@@ -262,8 +262,8 @@ class SmallestCommands(Objective):
     seeks_commands = True
 
     def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
-        none = np.zeros(len(command))
-        return AffineLoad(base, np.zeros(6), none, none, given, np.zeros(len(given)))
+        none = np.zeros(command.shape)
+        return AffineLoad(base, np.zeros(6), none, none, given, np.zeros(given.shape))
 
     def claim(self, scalar: Range | None) -> str:
         return f"no commands of {_range(scalar)} suffice"

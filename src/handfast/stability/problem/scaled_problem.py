@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import State
 
 BALANCED = 1e-9  # relative: forces that miss a disturbance by less balance it
@@ -46,6 +47,9 @@ class ScaledProblem:
     that (8) reads t >= 0, f >= f_c everywhere.
 
     Joints and actuators are those of the equivalent grasp, which are those of the grasp where it has no laws of joints.
+
+    Of many grasps at once (`build_rows`) arrays and scales have one more axis in front, which the shapes below leave
+    out; `grasp` and `equivalent` are those of the first.
 
     Attributes:
         grasp: the question's grasp; equivalent: what stands for it.
@@ -91,7 +95,7 @@ class ScaledProblem:
     torque: Array
     mu: Array
     force: float
-    length: float
+    length: Any
     joint_scale: Array
     actuator_scale: Array
     coupling_scale: Array
@@ -99,7 +103,7 @@ class ScaledProblem:
     @property
     def sizes(self) -> tuple[int, int, int, int]:
         """(m, l, a, k): contacts, joints, actuators, couplings."""
-        return len(self.mu), self.J.shape[1], len(self.R), len(self.A)
+        return self.mu.shape[-1], self.J.shape[-1], self.R.shape[-2], self.A.shape[-2]
 
     @property
     def lengths(self) -> Array:
@@ -121,13 +125,13 @@ class ScaledProblem:
     def gaps(self) -> Array:
         """(m,) scaled `Start.gaps`; 0 where nothing has moved yet."""
         start = self.grasp.start
-        return np.zeros(len(self.mu)) if start is None else start.gaps / self.force
+        return np.zeros(self.mu.shape[-1]) if start is None else start.gaps / self.force
 
     @property
     def slack(self) -> Array:
         """(a,) scaled `Start.slack` of the equivalent grasp, its stops included."""
         start = self.equivalent.plain.start
-        return np.zeros(len(self.R)) if start is None else start.slack * np.abs(self.actuator_scale) / self.force
+        return np.zeros(self.R.shape[-2]) if start is None else start.slack * np.abs(self.actuator_scale) / self.force
 
     def size_of(self, w: Array) -> float:
         """[N] a disturbance (6,), wherever the object's frame is and however it is turned."""
@@ -156,7 +160,7 @@ class ScaledProblem:
     @property
     def command_units(self) -> Array:
         """(a,) [N m or N] of a scaled unit of each actuator's force."""
-        return np.abs(self.force * self.actuator_scale)
+        return np.abs(_wide(self.force) * self.actuator_scale)
 
     def relative_motion(self, r: Array, q: Array) -> Array:
         """(m, 3) scaled d = G^T r - J q, equation (3)."""
@@ -235,8 +239,6 @@ def build(
     same = equivalent_of(grasp, driven, limits.torque_limits)
     plain, back = same.plain, np.array(grasp.mechanism.backdrivable, dtype=bool)
     limits.check_backdrivable(grasp)
-    row = _lengths(grasp.size)
-    units = _joint_units(same)
     # the force scale is what is asked about: it must not depend on an answer that is not known yet, nor, where
     # other forces are in play, on the direction, of which a map has many, or on the size of commands that are sought
     posed = grasp if driven is None else grasp.with_preload(np.where(back, grasp.command, 0.0))
@@ -248,38 +250,77 @@ def build(
     f_max[: len(same.kept)] = limits.largest_forces(grasp)[same.kept]
     if driven is not None:
         drive[: len(same.kept)], f_c = driven[same.kept], np.zeros(plain.mechanism.a)
-    p = ScaledProblem(
-        grasp=grasp,
+    scale, drives = Scales(force, direction_scale, np.inf), _Drives(f_c, drive, f_max)
+    p = _scaled(plain, same, w0, d, scale, drives, limits, mdp)
+    _check_range(p, direction is not None)
+    return p
+
+
+def build_rows(grasps: GraspRows, base: Array, along: Array | None, limits: GraspLimits) -> ScaledProblem:
+    """The problems of many grasps under base loads and directions (k, 6) as one: `build` of all of them.
+
+    What `build` refuses is not refused here. Limits of forces have no place.
+    """
+    same = replace(equivalent_of(grasps.grasps[0]), arms=model.joint_arms(grasps))
+    none, a = np.zeros(base.shape), grasps.mechanism.a
+    drives = _Drives(grasps.command, np.zeros(a, dtype=bool), np.full(a, np.inf))
+    scale = scales(grasps, same, base, along, limits)
+    p = _scaled(grasps, same, base, none if along is None else along, scale, drives, limits, True)
+    return replace(p, f_max=drives.f_max, cn_max=np.inf)
+
+
+class _Drives(NamedTuple):
+    """(a,) commands of the equivalent's actuators, which of them are sought, and the largest forces."""
+
+    f_c: Array
+    driven: Mask
+    f_max: Array
+
+
+def _scaled(
+    plain: AnyGrasp,
+    same: EquivalentGrasp,
+    w0: Array,
+    d: Array,
+    scale: Scales,
+    drives: _Drives,
+    limits: GraspLimits,
+    mdp: bool,
+) -> ScaledProblem:
+    """The problem in given scales; plain: the equivalent grasp, or many."""
+    row, units, force = _lengths(plain.size), _joint_units(plain, same.arms), _wide(scale.force)
+    f_c, driven, f_max = drives
+    moves = model.commanded(plain, f_c) | driven
+    return ScaledProblem(
+        grasp=same.grasp,
         equivalent=same,
         wrench=w0,
         along=d,
         limits=limits,
         mdp=mdp,
         w0=row * w0 / force,
-        direction=row * (direction_scale * d) / force,
-        direction_scale=direction_scale,
+        direction=row * (_wide(scale.direction) * d) / force,
+        direction_scale=scale.direction,
         f_c=f_c / (force * units.actuators),
-        moves=model.commanded(plain, f_c) | drive,
-        driven=drive,
+        moves=moves if moves.ndim == 1 else moves[0],
+        driven=driven,
         f_max=f_max / np.abs(force * units.actuators),
-        cn_max=limits.largest_normal_force / force,
-        G=row[:, None] * grasp.G,
-        J=plain.J / units.joints,
-        R=units.actuators[:, None] * units.R,
-        A=units.couplings[:, None] * units.A,
-        soft=grasp.soft,
-        twist_map=row[:, None] * grasp.twist_map,
-        twist_jacobian=plain.twist_jacobian / units.joints,
+        cn_max=limits.largest_normal_force / scale.force,
+        G=row[..., None] * plain.G,
+        J=plain.J / units.joints[..., None, :],
+        R=units.actuators[..., None] * units.R,
+        A=units.couplings[..., None] * units.A,
+        soft=plain.soft,
+        twist_map=row[..., None] * plain.twist_map,
+        twist_jacobian=plain.twist_jacobian / units.joints[..., None, :],
         torque=plain.given_torques / (force * units.joints),
-        mu=grasp.mu,
-        force=force,
-        length=grasp.size,
+        mu=plain.mu,
+        force=scale.force,
+        length=plain.size,
         joint_scale=units.joints,
         actuator_scale=units.actuators,
         coupling_scale=units.couplings,
     )
-    _check_range(p, direction is not None)
-    return p
 
 
 class _JointUnits(NamedTuple):
@@ -292,30 +333,37 @@ class _JointUnits(NamedTuple):
     A: Array
 
 
-def _joint_units(same: EquivalentGrasp) -> _JointUnits:
-    mech, joints = same.plain.mechanism, same.arms
-    R, A = mech.R / joints, mech.A / joints
-    sense = np.where(same.plain.command < 0, -1.0, 1.0)
-    return _JointUnits(joints, sense / np.sqrt((R * R).sum(axis=1)), 1.0 / np.sqrt((A * A).sum(axis=1)), R, A)
+def _joint_units(plain: AnyGrasp, joints: Array) -> _JointUnits:
+    R, A = plain.mechanism.R / joints[..., None, :], plain.mechanism.A / joints[..., None, :]
+    sense = np.where(plain.command < 0, -1.0, 1.0)
+    return _JointUnits(joints, sense / np.sqrt((R * R).sum(axis=-1)), 1.0 / np.sqrt((A * A).sum(axis=-1)), R, A)
+
+
+def _wide(x: Any) -> Array:
+    """Numbers (...) with an axis of length 1 behind them."""
+    return np.asarray(x)[..., None]
 
 
 class Scales(NamedTuple):
     """(k,) each, of many loads: as `ScaledProblem.force`, `direction_scale` and `last_magnitude` of each of them."""
 
-    force: Array
-    direction: Array
-    last_magnitude: Array
+    force: Any
+    direction: Any
+    last_magnitude: Any
 
 
 def scales(
-    grasp: Grasp,
+    grasp: AnyGrasp,
     same: EquivalentGrasp,
     base: Array,
     along: Array | None,
     limits: GraspLimits,
 ) -> Scales:
-    """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone."""
-    others = np.maximum(_sizes(grasp, base), max(_largest_command(grasp), _given(same)))
+    """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone.
+
+    grasp: of all of them, or of each its own; these have no limits of forces.
+    """
+    others = np.maximum(_sizes(grasp, base), np.maximum(_largest_command(grasp), _given(same)))
     if not others.all():
         at_most = _limits(grasp, limits, with_torques=along is not None)
         others = np.where(others > 0, others, max(at_most, default=0.0))
@@ -331,10 +379,10 @@ def scales(
 
 
 @lru_cache(maxsize=8)  # of a grasp that is asked again and again
-def _largest_command(grasp: Grasp) -> float:
+def _largest_command(grasp: AnyGrasp) -> Any:
     """[N] the largest command as a force at a contact."""
-    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
-    return float(commands.max(initial=0.0))
+    commands = np.abs(grasp.command) / model.actuator_arms(grasp)
+    return np.where(_takes_part(grasp), commands, 0.0).max(axis=-1, initial=0.0)
 
 
 def _given(same: EquivalentGrasp) -> float:
@@ -342,23 +390,23 @@ def _given(same: EquivalentGrasp) -> float:
     return max(same.largest_given, RUBS * same.largest_friction)
 
 
-def _sizes(grasp: Grasp, w: Array) -> Array:
+def _sizes(grasp: AnyGrasp, w: Array) -> Array:
     """(k,) `_size` of each of the disturbances (k, 6)."""
-    middle = grasp.positions.mean(axis=0)
-    force, torque = w[:, :3], w[:, 3:] - (middle[[1, 2, 0]] * w[:, [2, 0, 1]] - middle[[2, 0, 1]] * w[:, [1, 2, 0]])
+    force, torque = w[:, :3], w[:, 3:] - model.cross_rows(grasp.positions.mean(axis=-2), w[:, :3])
     out: Array = np.sqrt(np.maximum((force * force).sum(axis=1), (torque * torque).sum(axis=1) / grasp.size**2))
     return out
 
 
 def _others(grasp: Grasp, same: EquivalentGrasp, w0: Array, limits: GraspLimits, *, with_torques: bool = True) -> float:
     """[N] the forces in play beside a disturbance that is sought: base load and drives, else limits; 0 for none."""
-    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
-    scale = max(_size(grasp, w0), float(commands.max(initial=0.0)), _given(same))
+    scale = max(_size(grasp, w0), float(_largest_command(grasp)), _given(same))
     return scale or max(_limits(grasp, limits, with_torques=with_torques), default=0.0)
 
 
-def _limits(grasp: Grasp, limits: GraspLimits, *, with_torques: bool = True) -> list[float]:
+def _limits(grasp: AnyGrasp, limits: GraspLimits, *, with_torques: bool = True) -> list[float]:
     """[N] each limit as a force at a contact, those of actuators included or not."""
+    if isinstance(grasp, GraspRows) or not limits.limits_forces:
+        return []
     arms = dict(zip(grasp.mechanism.actuators, model.actuator_arms(grasp), strict=True))
     takes_part = dict(zip(grasp.mechanism.actuators, _takes_part(grasp), strict=True))
     torques = limits.torque_limits.items() if with_torques else ()
@@ -366,9 +414,10 @@ def _limits(grasp: Grasp, limits: GraspLimits, *, with_torques: bool = True) -> 
     return [*at_most, *([] if limits.force_limit is None else [limits.force_limit])]
 
 
-def _takes_part(grasp: Grasp) -> Mask:
+def _takes_part(grasp: AnyGrasp) -> Mask:
     """(a,) bool: actuators that move a contact."""
-    return (grasp.mechanism.R[:, grasp.touches] != 0).any(axis=1)
+    out: Mask = ((grasp.mechanism.R != 0) & grasp.touches[..., None, :]).any(axis=-1)
+    return out
 
 
 def _direction_scale(grasp: Grasp, d: Array, others: float) -> float:
@@ -386,8 +435,8 @@ def _size(grasp: Grasp, w: Array) -> float:
     return float(max(np.linalg.norm(w[:3]), torque / grasp.size))
 
 
-def _lengths(length: float) -> Array:
-    return np.array([1.0] * 3 + [1.0 / length] * 3)
+def _lengths(length: Any) -> Array:
+    return np.where(np.arange(6) < 3, 1.0, 1.0 / _wide(length))
 
 
 LEAST, MOST = 1e-100, 1e100  # of the largest number of a direction, and of any disturbance: squares stay numbers

@@ -8,21 +8,26 @@ magnitude to be found (`LargestMagnitude`) through one column of E as well. With
 
 which are at right angles. Programs that begin with the magnitude as an unknown of its own break down, so that all
 columns of the basis have a part of the last one (`mix`), by a reflection: what a row adds is one column times that.
+
+Of many grasps of one shape (`GraspRows`) all of this is worked out at once, too, for one load of each at a time: the
+arrays have one more axis in front, and the kernel is asked row by row.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from handfast.core.arrays import Array, Indices, Mask
-from handfast.core.groups import table, whole_vectors
-from handfast.model.grasp import Grasp
+from handfast.core.arrays import Array, Indices, Mask, times, transposed, transposed_times
+from handfast.core.groups import kinds, table, whole_vectors
 from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import StateRows
-from handfast.stability.problem.objective import HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Objective
+from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.arrays import CHILDREN, HARD, HELD, NONE, UNASKED, QuestionRows
@@ -52,12 +57,12 @@ class LoadRows:
     last_column: Array  # (k, ny) of Y, where it is the row's own, else (k, 0)
     y0: Array  # (k, ny)
     last_magnitude: Array  # (k,) see `ScaledProblem`
-    grasp: Grasp  # with the commands in force
+    grasp: AnyGrasp  # with the commands in force
 
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """The reduced problem of a grasp for one goal, of any load.
+    """The reduced problem of a grasp, or of many, for one goal, of any load.
 
     Attributes:
         reduced: of some load; E: its equilibrium equations, without the scalar's column where that is the load's.
@@ -97,26 +102,43 @@ class Template:
         C = np.hstack([np.zeros((len(forces), r.M.shape[1])), forces])
         return cls(replace(r, Y=Y, C=C, CT=padded(forces.T)), bare, inverse, mix)
 
+    @classmethod
+    def of_grasps(cls, grasps: GraspRows, goal: Objective, limits: GraspLimits, reach: float = 0.0) -> Template:
+        """Of many grasps and a goal that adds no column.
+
+        Raises:
+            Uneven: the equations of some have a lower rank.
+        """
+        k = len(grasps.grasps)
+        any_load = np.tile(np.eye(6)[0], (k, 1))
+        bare = goal == ANY_STATE
+        p = scaled_problem.build_rows(grasps, any_load * bare, None if bare else any_load, limits)
+        r = reduce(p, goal, within=(0.0, INF if reach else HIGHEST))  # which the rows have their own of
+        return cls(r, equilibrium(p, goal), r.solve, np.zeros(0), reach)
+
     @property
     def problem(self) -> ScaledProblem:
         return self.reduced.p
+
+    @property
+    def of_many(self) -> bool:
+        """Has each row a grasp of its own?"""
+        return self.reduced.C.ndim == 3
 
     @cached_property
     def _locked(self) -> tuple[Indices, Array]:
         """Actuators whose force the reduction leaves out, and what gives these and couplings of joint torques."""
         p = self.problem
         rest = np.flatnonzero(~(p.moves | np.isfinite(p.f_max)))
-        if not len(rest) + len(p.A):
-            return rest, np.zeros((0, p.J.shape[1]))
-        return rest, pseudo_inverse(np.vstack([p.R[rest], p.A]).T)
+        held = np.concatenate([p.R[..., rest, :], p.A], axis=-2)
+        return rest, pseudo_inverse(transposed(held)) if held.shape[-2] else np.zeros((0, p.sizes[1]))
 
-    def loads(self, base: Array, along: Array | None, grasp: Grasp | None = None) -> LoadRows:
+    def loads(self, base: Array, along: Array | None, grasp: AnyGrasp) -> LoadRows:
         """Scales and right-hand sides of these loads (k, 6), as `scaled_problem.build` has them, one by one.
 
-        grasp: the same with other commands in the same senses, where any state is sought.
+        grasp: the template's, or where any state is sought one with other commands in the same senses; or k of them.
         """
         p, r = self.problem, self.reduced
-        grasp = grasp or p.grasp
         k = len(base)
         scales = scaled_problem.scales(grasp, p.equivalent, base, along, p.limits)
         lengths = p.lengths
@@ -127,13 +149,13 @@ class Template:
             constant, per_scalar = scaled_direction, np.zeros((k, 6))
         else:
             constant, per_scalar = scaled_base, scaled_direction
-        h = np.zeros((k, len(self.E)))
+        h = np.zeros((k, self.E.shape[-2]))
         if r.goal != SMALLEST_PRELOAD:  # where it has the scalar as a factor
-            h += self._torques(grasp, scales.force) @ r.of_torques.T
+            h += times(r.of_torques, self._torques(grasp, scales.force))
         h[:, :6] = -constant
-        y0 = h @ self.inverse.T
-        wide = self.E.shape[1]
-        solvable = np.abs(y0[:, :wide] @ self.E.T - h).max(axis=1) < SOLVED
+        y0 = times(self.inverse, h)
+        wide = self.E.shape[-1]
+        solvable = np.abs(times(self.E, y0[:, :wide]) - h).max(axis=1) < SOLVED
         column = np.zeros((k, 0))
         if len(self.mix):
             h = np.zeros((k, len(self.E)))
@@ -146,23 +168,23 @@ class Template:
             base, direction, scales.force, scales.direction, solvable, column, y0, scales.last_magnitude, grasp
         )
 
-    def _torques(self, grasp: Grasp, force: Array) -> Array:
+    def _torques(self, grasp: AnyGrasp, force: Array) -> Array:
         """(k, l) the given torques under a grasp's commands, scaled by forces (k,)."""
         p = self.problem
         given: Array = p.equivalent.torques_under(grasp.command) / (force[:, None] * p.joint_scale)
         return given
 
-    def _commands(self, grasp: Grasp) -> Array:
+    def _commands(self, grasp: AnyGrasp) -> Array:
         """(a,) a grasp's commands of the equivalent's actuators."""
         same = self.problem.equivalent
-        out = np.zeros(len(self.problem.R))
-        out[: len(same.kept)] = grasp.command[same.kept]
+        out = np.zeros(self.problem.R.shape[:-1])
+        out[..., : len(same.kept)] = grasp.command[..., same.kept]
         return out
 
     def rows(self, loads: LoadRows) -> QuestionRows:
         """What the kernel asks."""
         r, k = self.reduced, len(loads.base)
-        nu, n = r.M.shape[1], len(r.cost)
+        nu, n = r.M.shape[-1], r.cost.shape[-1]
         column, plain = np.zeros((k, 0)), np.zeros((0, 0))
         if len(self.mix):
             column, plain = np.ascontiguousarray(loads.last_column @ r.values.T), np.ascontiguousarray(r.C[:, nu:])
@@ -183,10 +205,10 @@ class Template:
     def posed(self, loads: LoadRows) -> dict[str, Array]:
         """The arrays of `QuestionRows` in which the loads are."""
         p, r = self.problem, self.reduced
-        k, F = len(loads.base), len(r.C)
+        k, F = len(loads.base), r.sizes[2]
         f_c = self._commands(loads.grasp) / (loads.force[:, None] * p.actuator_scale)
         off = np.zeros((k, whole_vectors(F)))
-        off[:, :F] = loads.y0 @ r.values.T
+        off[:, :F] = times(r.values, loads.y0)
         if r.goal != SMALLEST_PRELOAD:  # whose commands have the scalar as a factor
             off[:, self._slack] -= f_c[:, r.active]
         lo, hi = (np.repeat(x[None], k, axis=0) for x in (r.lo, r.hi))
@@ -199,7 +221,7 @@ class Template:
             lo[:, 0], hi[:, 0] = (1.0 / end, HIGHEST) if r.goal == SMALLEST_PRELOAD else (-end, 0.0)
             if self.reach:
                 lo[:, 0], hi[:, 0] = 1.0 / (self.reach * end), INF
-        energy = np.zeros((k, 0, r.M.shape[1]))
+        energy = np.zeros((k, 0, r.M.shape[-1]))
         if r.names and r.names[-1][0] == "energy":
             energy = self._energy(loads, f_c)
         near = loads.along * loads.direction_scale[:, None] if r.objective else loads.base
@@ -209,7 +231,7 @@ class Template:
     @cached_property
     def _slack(self) -> Indices:
         """Which forces are f - f_c."""
-        return 3 * len(self.problem.mu) + 2 * np.arange(len(self.reduced.active))
+        return 3 * self.problem.sizes[0] + 2 * np.arange(len(self.reduced.active))
 
     @cached_property
     def _limits(self) -> Indices:
@@ -220,22 +242,22 @@ class Template:
         """(k, 2, nu) the two parts of the balance of energy over the unknown motions; f_c: (k, a) scaled."""
         p, r = self.problem, self.reduced
         lengths = p.lengths
-        D = np.zeros((len(f_c), 2, len(r.M)))
+        D = np.zeros((len(f_c), 2, r.M.shape[-2]))
         if r.goal == SMALLEST_PRELOAD:
             D[:, 0, :6] = lengths * (loads.direction_scale / loads.force)[:, None] * loads.along
-            D[:, 1, 6:] = f_c @ p.R
+            D[:, 1, 6:] = transposed_times(p.R, f_c)
         else:
             D[:, 0, :6] = lengths * loads.base / loads.force[:, None]
-            D[:, 0, 6:] = f_c @ p.R + self._torques(loads.grasp, loads.force)
+            D[:, 0, 6:] = transposed_times(p.R, f_c) + self._torques(loads.grasp, loads.force)
         return np.ascontiguousarray(D @ r.M)
 
     def states(self, loads: LoadRows, z: Array) -> tuple[StateRows, Array]:
         """Reduced unknowns (k, n) as states in the grasp's units, and the scaled scalars (k,)."""
         p, r = self.problem, self.reduced
         m, _, a, _ = p.sizes
-        nu, kept = r.M.shape[1], r.kept
-        x, v = z[:, :nu] @ r.M.T, z[:, nu:]
-        y = loads.y0 + v @ r.Y.T
+        nu, kept = r.M.shape[-1], r.kept
+        x, v = times(r.M, z[:, :nu]), z[:, nu:]
+        y = loads.y0 + times(r.Y, v)
         if len(self.mix):
             y += (v @ self.mix)[:, None] * loads.last_column
         c = y[:, : 3 * m]
@@ -244,14 +266,15 @@ class Template:
         rest, inverse = self._locked
         scalar = y[:, 3 * m + len(kept)] if r.objective else np.zeros(len(z))
         share = scalar[:, None] if r.goal == SMALLEST_PRELOAD else np.ones((len(z), 1))
-        passed = (c @ p.J - f @ p.R - share * self._torques(loads.grasp, loads.force)) @ inverse.T
+        torques = transposed_times(p.J, c) - transposed_times(p.R, f)
+        passed = times(inverse, torques - share * self._torques(loads.grasp, loads.force))
         f[:, rest], coupling = passed[:, : len(rest)], passed[:, len(rest) :]
         force = loads.force[:, None]
         q, forces, couplings, reaction = p.equivalent.parts_of(
             force * x[:, 6:] / p.joint_scale,
             force * f * p.actuator_scale,
             force * coupling * p.coupling_scale,
-            loads.grasp.command,
+            None if self.of_many else loads.grasp.command,
             share,
         )
         return StateRows(force * p.lengths * x[:, :6], q, force * c, forces, couplings, reaction), scalar
@@ -298,11 +321,11 @@ class BatchSearch:
         q = r.question
         copies = {name: getattr(q, name).copy() for name in ("C", "CT", "D", "DT", "off", "lo", "cost", "box")}
         self._question = q._replace(**copies)
-        self._table = table(self._question)
+        self._lines = tables(self._question)
         room = CHILDREN * (BUDGET + SLICE) + SPARE
         self._worker = SearchWorker.of(r, heap=room)
-        self._pool, self._pool_table = new_pool(room, 3 * r.sizes[0] + r.sizes[1], len(r.cost))
-        self._tables = self._table, self._worker.table, self._pool_table, *self._worker.workspace.tables
+        self._pool, self._pool_table = new_pool(room, 3 * r.sizes[0] + r.sizes[1], r.cost.shape[-1])
+        self._tables = self._worker.table, self._pool_table, *self._worker.workspace.tables
         self._boxes = [r.beginning(box).box for box in r.boxes[:TRIED]]
         self._gaps = r.goal.gaps(settings.gap * (1 - 2 * INSIDE), r.scale)
 
@@ -335,16 +358,40 @@ class BatchSearch:
 
         lines: the table of these rows, if there is one.
         """
-        tables = *self._tables, table(rows) if lines is None else lines
+        of_rows = tables(apart(rows) if self.template.of_many else rows) if lines is None else lines[None]
         refused = rows.status == HARD
         for box in self._boxes:
             self._question.box[:] = box
-            LIBRARY.functions.ask_rows(*tables, *self._gaps, INSIDE * self.gap, self.budget)
+            asked = np.flatnonzero(rows.status == UNASKED).tolist() if self.template.of_many else [0]
+            for i in asked:
+                ask = self._lines[i], *self._tables, of_rows[i], *self._gaps, INSIDE * self.gap, self.budget
+                LIBRARY.functions.ask_rows(*ask)
             again = (rows.status == HARD) & ~refused & (rows.nodes < self.budget)
             if not again.any():
                 return
             rows.status[again] = UNASKED
         rows.status[again] = HARD
+
+
+def tables(group: tuple[Any, ...]) -> Indices:
+    """(k, fields, LINE) the table of each of k groups; (1, fields, LINE) of one.
+
+    Arrays with as many dimensions as the group declares are the same in all of them, those with one more are k arrays.
+    """
+    several = [np.ndim(x) > kind.dimensions for x, kind in zip(group, kinds(type(group)).values(), strict=True)]
+    first = table(type(group)(*(x[0] if more else x for x, more in zip(group, several, strict=True))))
+    count = max((len(x) for x, more in zip(group, several, strict=True) if more), default=1)
+    out: Indices = np.repeat(first[None], count, axis=0)
+    for field, (x, more) in enumerate(zip(group, several, strict=True)):
+        if more:
+            out[:, field, 0] += x.strides[0] * np.arange(count)
+    return out
+
+
+def apart(rows: QuestionRows) -> QuestionRows:
+    """Rows as groups of one row each, for `tables`."""
+    shared = "mix", "plain", "noise"
+    return rows._replace(**{name: x[:, None] for name, x in rows._asdict().items() if name not in shared})
 
 
 class LoadMemory:
@@ -354,7 +401,7 @@ class LoadMemory:
         self._search, self._next = search, 0
         self._rows: QuestionRows | None = None
 
-    def ask(self, w: Array, grasp: Grasp) -> tuple[StateRows, int] | None:
+    def ask(self, w: Array, grasp: AnyGrasp) -> tuple[StateRows, int] | None:
         """The state (1 row) that was found for a load (6,), and the nodes that it took; None if none was found.
 
         grasp: with commands in the senses of the search's.

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from handfast.core.arrays import Array, Indices, Mask
+from handfast.core.arrays import Array, Indices, Mask, times, transposed, transposed_times
 from handfast.core.groups import table, whole_vectors
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import AffineLoad, Objective, Range
@@ -46,23 +46,51 @@ def equilibrium(p: ScaledProblem, goal: Objective) -> Array:
     return _balances(p, goal.scaled_load(p), _Forces.of(p, goal), _motions(p))[0]
 
 
+class Uneven(ValueError):
+    """Of many grasps at once some have equations of a lower rank than the others.
+
+    Attributes:
+        most: (k,) bool: those that have the highest.
+    """
+
+    def __init__(self, ranks: Indices) -> None:
+        super().__init__("grasps of several ranks have no arrays of one shape")
+        self.most: Mask = ranks == ranks.max()
+
+
+def rank_of(sv: Array, least: float = 0.0) -> int:
+    """From singular values (..., n), the largest first. Raises `Uneven` if those of many differ."""
+    ranks = np.asarray((sv > RANK * np.maximum(sv[..., :1], least)).sum(axis=-1))
+    if ranks.ndim and (ranks != ranks[0]).any():
+        raise Uneven(ranks)
+    return int(ranks.flat[0])
+
+
 def null_space(A: Array) -> Array:
-    """(n, n - rank) orthonormal basis of the null space of A (k, n)."""
-    if not len(A):
-        return np.eye(A.shape[1])
-    used = A != 0
+    """(n, n - rank) orthonormal basis of the null space of A (k, n); of many (..., k, n) with zeros at one place."""
+    n = A.shape[-1]
+    if not A.shape[-2]:
+        return np.eye(n)
+    used = _one(A) != 0
     if (used.sum(axis=1) == 1).all():  # it only picks columns
-        return np.eye(A.shape[1])[:, ~used.any(axis=0)]
+        return np.eye(n)[:, ~used.any(axis=0)]
     _, s, Vt = np.linalg.svd(A)
-    return Vt[int((s > RANK * max(s[0], 1e-300)).sum()) :].T
+    return transposed(Vt[..., rank_of(s, 1e-300) :, :])
+
+
+def _one(A: Array) -> Array:
+    """The first of many matrices."""
+    return A if A.ndim == 2 else A[0]
 
 
 def pseudo_inverse(A: Array) -> Array:
-    """(n, k) of A (k, n), by hand if each column has one entry in a row of its own: a motor per joint."""
-    used = A != 0
+    """(n, k) of A (k, n), by hand if each column has one entry in a row of its own: a motor per joint.
+
+    Of many (..., k, n) with zeros at one place.
+    """
+    used = _one(A) != 0
     if (used.sum(axis=0) == 1).all() and (used.sum(axis=1) <= 1).all():
-        out: Array = np.divide(1.0, A, out=np.zeros(A.shape), where=used).T
-        return out
+        return transposed(np.divide(1.0, A, out=np.zeros(A.shape), where=A != 0))
     return np.asarray(np.linalg.pinv(A, rcond=1e-12), dtype=float)
 
 
@@ -75,7 +103,7 @@ def padded(x: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """The arrays of a search.
+    """The arrays of a search; of many grasps, as their problem is, with one more axis in front where these differ.
 
     Attributes:
         p, goal, load: the question.
@@ -132,13 +160,13 @@ class Reduced:
 
     def beginning(self, box: tuple[float, float]) -> Reduced:
         """The same with another of its `boxes`."""
-        n, nu = len(self.cost), self.M.shape[1]
+        n, nu = self.cost.shape[-1], self.M.shape[-1]
         return replace(self, box=np.repeat(box, [nu, n - nu]))
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
         """m contacts, a actuators that may move, F base values that are forces."""
-        return len(self.p.mu), len(self.active), len(self.C)
+        return self.p.sizes[0], len(self.active), self.C.shape[-2]
 
     @cached_property
     def question(self) -> arrays.KernelQuestion:
@@ -172,7 +200,7 @@ class Reduced:
     @cached_property
     def soft_fingers(self) -> Indices:
         """(m,) which soft finger a contact is, -1 for a point contact."""
-        out: Indices = np.full(len(self.p.mu), -1, np.int64)
+        out: Indices = np.full(self.p.sizes[0], -1, np.int64)
         out[self.p.soft] = np.arange(len(self.p.soft))
         return out
 
@@ -188,7 +216,7 @@ class Reduced:
     @property
     def workspace(self) -> arrays.WorkspaceLayout:
         """What the kernel needs beside the question."""
-        sizes = *self.sizes, len(self.cost), self.CT.shape[1], self.DT.shape[1], len(self.lo)
+        sizes = *self.sizes, self.cost.shape[-1], self.CT.shape[-1], self.DT.shape[-1], len(self.lo)
         return arrays.WorkspaceLayout.of(*sizes)
 
     def point(self, z: Array) -> ScaledPoint:
@@ -272,16 +300,16 @@ def reduce(
     M = _motions(p)
     E, h, of_torques = _balances(p, load, at, M)
     U, sv, Vt = np.linalg.svd(E)
-    rank = int((sv > RANK * sv[0]).sum())
-    inverse = (Vt[:rank].T / sv[:rank]) @ U[:, :rank].T
-    y0 = inverse @ h
-    Y = Vt[rank:].T
+    rank = rank_of(sv)
+    inverse = (transposed(Vt[..., :rank, :]) / sv[..., None, :rank]) @ transposed(U[..., :rank])
+    y0 = times(inverse, h)
+    Y = transposed(Vt[..., rank:, :])
     of_forces = _force_bounds(p, goal, at, endless, within)
     of_motions = _motion_bounds(p, goal, endless, cap)
     plain = of_forces + of_motions
     V, constants = _force_rows(p, goal, load, at, active, of_forces)
     D = _motion_rows(p, load, active, of_motions)
-    nu, nv = M.shape[1], Y.shape[1]
+    nu, nv = M.shape[-1], Y.shape[-1]
     forces, motions = V @ Y, D @ M
     cost = _cost(at, len(active), forces, motions)
     box = np.repeat(BOXES[0], [nu, nv])
@@ -301,12 +329,12 @@ def reduce(
         M=M,
         Y=Y,
         y0=y0,
-        C=np.hstack([np.zeros((len(forces), nu)), forces]),
-        D=np.hstack([motions, np.zeros((len(motions), nv))]),
-        CT=padded(forces.T),
-        DT=padded(motions.T),
-        off=padded(V @ y0 + constants),
-        before=padded(_before(p, active, len(motions))),
+        C=np.concatenate([np.zeros((*forces.shape[:-1], nu)), forces], axis=-1),
+        D=np.concatenate([motions, np.zeros((*motions.shape[:-1], nv))], axis=-1),
+        CT=padded(transposed(forces)),
+        DT=padded(transposed(motions)),
+        off=padded(times(V, y0) + constants),
+        before=padded(_before(p, active, motions.shape[-2])),
         lo=np.array([b.lo for b in plain]),
         hi=np.array([b.hi for b in plain]),
         names=tuple((b.kind, b.which) for b in plain),
@@ -314,7 +342,7 @@ def reduce(
         box=box,
         objective=at.objective,
         scale=p.command_unit,
-        solvable=bool(np.abs(E @ y0 - h).max() < SOLVED),
+        solvable=bool(np.abs(times(E, y0) - h).max() < SOLVED),
         solve=inverse,
         values=V,
         constants=constants,
@@ -358,7 +386,7 @@ class _Forces:
     def of(cls, p: ScaledProblem, goal: Objective) -> _Forces:
         kept = np.flatnonzero(p.moves | np.isfinite(p.f_max))
         efforts = np.flatnonzero(p.driven) if goal.sums_commands else np.zeros(0, int)
-        contacts = 3 * len(p.mu)
+        contacts = 3 * p.sizes[0]
         scalar = contacts + len(kept)
         first = scalar + goal.has_scalar
         force = {int(i): contacts + k for k, i in enumerate(kept)}
@@ -372,11 +400,16 @@ class _Forces:
 
 def _motions(p: ScaledProblem) -> Array:
     """(6 + l, nu) basis of the motions that couplings and locked actuators leave."""
-    l = p.J.shape[1]
-    Q = null_space(np.vstack([p.A, p.R[~p.moves]])) if l else np.zeros((0, 0))
-    M = np.zeros((6 + l, 6 + Q.shape[1]))
-    M[:6, :6], M[6:, 6:] = np.eye(6), Q
+    l = p.sizes[1]
+    Q = null_space(_held(p, ~p.moves)) if l else np.zeros((0, 0))
+    M = np.zeros((*Q.shape[:-2], 6 + l, 6 + Q.shape[-1]))
+    M[..., :6, :6], M[..., 6:, 6:] = np.eye(6), Q
     return M
+
+
+def _held(p: ScaledProblem, actuators: Mask) -> Array:
+    """(., l) the rows of couplings and of some actuators."""
+    return np.concatenate([p.A, p.R[..., actuators, :]], axis=-2)
 
 
 def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tuple[Array, Array, Array]:
@@ -385,22 +418,24 @@ def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tupl
     And (e, l) what given torques are in h.
     """
     kept = p.moves | np.isfinite(p.f_max)
-    Z = M[6:, 6:] if (kept == p.moves).all() else null_space(np.vstack([p.A, p.R[~kept]]))
-    joints = slice(6, 6 + Z.shape[1])
+    Z = M[..., 6:, 6:] if (kept == p.moves).all() else null_space(_held(p, ~kept))
+    Zt = transposed(Z)
+    joints = slice(6, 6 + Z.shape[-1])
     height = joints.stop + (len(at.efforts) > 0)
-    E, h = np.zeros((height, at.size)), np.zeros(height)
-    E[:6, : at.contacts], h[:6] = p.G, -load.w_a  # (1)
-    E[:6, at.twist :], E[joints, at.twist :] = p.twist_map, Z.T @ p.twist_jacobian.T
+    many = p.G.shape[:-2]
+    E, h = np.zeros((*many, height, at.size)), np.zeros((*many, height))
+    E[..., :6, : at.contacts], h[..., :6] = p.G, -load.w_a  # (1)
+    E[..., :6, at.twist :], E[..., joints, at.twist :] = p.twist_map, Zt @ transposed(p.twist_jacobian)
     if at.objective == arrays.SCALAR:
-        E[:6, at.scalar] = load.w_b
-        E[joints, at.scalar] = -Z.T @ load.g_b
-    E[joints, : at.contacts] = Z.T @ p.J.T  # (2)
-    E[joints, at.contacts : at.scalar] = -Z.T @ p.R[at.kept].T
+        E[..., :6, at.scalar] = load.w_b
+        E[..., joints, at.scalar] = times(-Zt, load.g_b)
+    E[..., joints, : at.contacts] = Zt @ transposed(p.J)  # (2)
+    E[..., joints, at.contacts : at.scalar] = -Zt @ transposed(p.R[..., at.kept, :])
     if len(at.efforts):
         E[-1, at.scalar], E[-1, at.scalar + 1 : at.twist] = 1.0, -1.0
-    of_torques = np.zeros((height, len(p.torque)))
-    of_torques[joints] = Z.T
-    h += of_torques @ load.g_a
+    of_torques = np.zeros((*many, height, p.torque.shape[-1]))
+    of_torques[..., joints, :] = Zt
+    h += times(of_torques, load.g_a)
     return E, h, of_torques
 
 
@@ -434,47 +469,51 @@ def _force_rows(
     """Base values that are forces, V y + constants: c, complementarity slack and effort of active actuators, bounds."""
     C, units = at.contacts, p.command_units / p.command_unit
     first = C + 2 * len(active)
-    V, constants = np.zeros((first + len(bounds), at.size)), np.zeros(first + len(bounds))
-    V[:C, :C] = np.eye(C)
+    many = p.G.shape[:-2]
+    V, constants = np.zeros((*many, first + len(bounds), at.size)), np.zeros((*many, first + len(bounds)))
+    V[..., :C, :C] = np.eye(C)
     for i, slack in zip(active.tolist(), range(C, first, 2), strict=True):
-        V[slack, at.force[i]] = 1.0
+        V[..., slack, at.force[i]] = 1.0
         if p.driven[i]:
-            V[slack + 1, at.effort.get(i, at.scalar)] = 1.0
-            V[slack + 1, at.force[i]] = -units[i]
+            V[..., slack + 1, at.effort.get(i, at.scalar)] = 1.0
+            V[..., slack + 1, at.force[i]] = -units[..., i]
         else:
-            constants[slack] = -load.f_a[i]
+            constants[..., slack] = -load.f_a[..., i]
             if at.objective:
-                V[slack, at.scalar] -= load.f_b[i]
+                V[..., slack, at.scalar] -= load.f_b[..., i]
     for k, (kind, i, _, _) in enumerate(bounds, start=first):
         if kind == "scalar":
-            V[k, at.scalar] = goal.objective(1.0)
+            V[..., k, at.scalar] = goal.objective(1.0)
         else:
             places = {"normal": 3 * i, "force": at.force.get(i), "effort": at.effort.get(i), "twist": at.twist + i}
-            V[k, places[kind]] = 1.0
+            V[..., k, places[kind]] = 1.0
     return V, constants
 
 
 def _motion_rows(p: ScaledProblem, load: AffineLoad, active: Indices, bounds: list[_PlainBound]) -> Array:
     """(., 6 + l) base values that are motions over (r, q): d, t of the active actuators, bounds."""
-    C, l = 3 * len(p.mu), p.J.shape[1]
+    C, l = 3 * p.sizes[0], p.sizes[1]
     first = C + len(active)
-    D = np.zeros((first + len(bounds), 6 + l))
-    D[:C, :6], D[:C, 6:] = p.G.T, -p.J
-    D[C:first, 6:] = p.R[active]
+    D = np.zeros((*p.G.shape[:-2], first + len(bounds), 6 + l))
+    D[..., :C, :6], D[..., :C, 6:] = transposed(p.G), -p.J
+    D[..., C:first, 6:] = p.R[..., active, :]
     if bounds and bounds[0].kind == "motion":
-        D[first : first + 6 + l] = np.eye(6 + l)
+        D[..., first : first + 6 + l, :] = np.eye(6 + l)
         first += 6 + l
     turning = slice(first, first + len(p.soft))
-    D[turning, :6], D[turning, 6:] = p.twist_map.T, -p.twist_jacobian
+    D[..., turning, :6], D[..., turning, 6:] = transposed(p.twist_map), -p.twist_jacobian
     if bounds and bounds[-1].kind == "energy":
-        D[-2:, :6] = load.w_a, load.w_b
-        D[-2:, 6:] = load.f_a @ p.R + load.g_a, load.f_b @ p.R  # without what friction takes, where it is sought
+        D[..., -2, :6], D[..., -1, :6] = load.w_a, load.w_b
+        # without what friction takes, where it is sought
+        D[..., -2, 6:], D[..., -1, 6:] = (
+            transposed_times(p.R, f) + g for f, g in ((load.f_a, load.g_a), (load.f_b, 0.0))
+        )
     return D
 
 
 def _before(p: ScaledProblem, active: Indices, rows: int) -> Array:
     """(rows,) of `_motion_rows`: motions from before the step, along normals and of active actuators."""
-    m, out = len(p.mu), np.zeros(rows)
+    m, out = p.sizes[0], np.zeros(rows)
     out[: 3 * m : 3] = p.gaps / np.cos(p.limits.eta)
     out[3 * m : 3 * m + len(active)] = p.slack[active]
     return out
@@ -482,13 +521,13 @@ def _before(p: ScaledProblem, active: Indices, rows: int) -> Array:
 
 def _cost(at: _Forces, active: int, forces: Array, motions: Array) -> Array:
     """(n,) the objective over z, small forces and motions preferred; forces, motions: base values over z."""
-    C, nu = at.contacts, motions.shape[1]
-    cost = np.empty(nu + forces.shape[1])
-    cost[:nu] = 0.1 * arrays.PREFERENCE * motions[C : C + active].sum(axis=0)
-    cost[nu:] = arrays.PREFERENCE * forces[0:C:3].sum(axis=0)
+    C, nu = at.contacts, motions.shape[-1]
+    cost = np.empty((*forces.shape[:-2], nu + forces.shape[-1]))
+    cost[..., :nu] = 0.1 * arrays.PREFERENCE * motions[..., C : C + active, :].sum(axis=-2)
+    cost[..., nu:] = arrays.PREFERENCE * forces[..., 0:C:3, :].sum(axis=-2)
     if at.objective:
-        cost[nu:] += forces[C + 2 * active]
-    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * noise(len(cost))
+        cost[..., nu:] += forces[..., C + 2 * active, :]
+    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * noise(cost.shape[-1])
     return cost
 
 

@@ -84,7 +84,7 @@ class SearchWorker:
     @classmethod
     def of(cls, r: Reduced, guesses: Sequence[Array] | Array = (), heap: int = ROOM) -> SearchWorker:
         """That knows nothing yet; guesses: points (n,) to start Newton's method from."""
-        block = Block(worker_layout(len(r.hi), len(r.cost), len(guesses), heap))
+        block = Block(worker_layout(len(r.hi), r.cost.shape[-1], len(guesses), heap))
         state = block.arrays()
         state.hi[:], state.best[:], state.counts[:] = r.hi, INF, 0
         if len(guesses):

@@ -1,7 +1,8 @@
 """Many questions at once, arrays in and arrays out: `check_many`, `max_many`, `torques_many`.
 
 Questions about one grasp share what belongs to it (`search/load_rows.py`), and the compiled kernel goes from one to the
-next by itself (`row_kernel.py`). What holds is judged by the equations, all rows together (`judge.py`).
+next by itself (`row_kernel.py`). Grasps with a few questions each are scaled, reduced and judged together with all
+others of their shape (`grasp_rows.py`). What holds is judged by the equations, all rows together (`judge.py`).
 A row is asked by itself, as `check`, `maximum` and `torques` do it, where its search does not end within a budget,
 where its programs break down, where nothing holds and that is to be replayed, or where whole answers are wanted. Where
 programs break down in the search of a maximum, too, it is asked again from the states of the nearest directions.
@@ -23,7 +24,7 @@ forces, s x solves it under s w for all s >= 0.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -31,7 +32,7 @@ import numpy as np
 
 from handfast.core import parallel
 from handfast.core.answer import Stop, Verdict
-from handfast.core.arrays import Array
+from handfast.core.arrays import Array, Mask
 from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
@@ -42,16 +43,18 @@ from handfast.stability.answers.max_query import Near, largest
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.grasp_rows import GraspRows, shape_of
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Objective
 from handfast.stability.problem.settings import Settings
+from handfast.stability.search.reduced import Uneven
 from handfast.stability.studies.row_kernel import RowKernel
 
 OnItem = Callable[[int, int], None]  # done, total
 Query = Literal["check", "max", "torques"]
 BLOCK = 125  # questions that are answered together: each begins with what those before it showed
 NEAREST = 3  # answered rows from whose states the search of a row begins
-FEW = 2  # questions about one grasp from which on it pays to prepare it
+FEW = 3  # questions about one grasp up to which it is prepared together with the others of its shape
 FORK, FORK_ALONE = 500, 60  # questions from which on processes pay, of the kernel and of those that are asked alone
 
 
@@ -93,6 +96,12 @@ class RowQuestion(BatchOptions):
         if self.answers or self.interval or self.query == "torques" or not self.mdp:
             return False
         return self.query == "check" or bool(grasp.command.any()) or equivalent_of(grasp).is_given
+
+    def shape(self, grasp: Grasp) -> Hashable | None:
+        """What grasps have to share so that their rows are for the kernel together; None where that may not be."""
+        if self.limits.limits_forces or not self.together(grasp):
+            return None
+        return shape_of(grasp) if self.query == "check" or grasp.command.any() else None
 
 
 @kinds_checked
@@ -260,23 +269,72 @@ def _pieces(g: int, n: int, size: int) -> list[list[_Piece]]:
 
 def _chunk(shared: tuple[tuple[Grasp, ...], Array, Array, RowQuestion], pieces: Sequence[_Piece]) -> list[AnswerRows]:
     grasps, W, B, options = shared
-    return [answer_rows(grasps[i], W[i, a:b], B[i, a:b], options) for i, a, b in pieces]
+    parts = [AnswerRows(W[i, a:b], B[i, a:b]) for i, a, b in pieces]
+    chosen = [grasps[i] for i, _, _ in pieces]
+    _answer_across(chosen, parts, options)
+    return [answer_rows(grasp, part, options) for grasp, part in zip(chosen, parts, strict=True)]
+
+
+# --- rows of many grasps ------------------------------------------------------------------------
+
+
+def _answer_across(grasps: Sequence[Grasp], parts: Sequence[AnswerRows], options: RowQuestion) -> None:
+    """Answer the rows of grasps that have few of them, those of one shape together, as far as the kernel settles them.
+
+    None knows of another: what is answered of a grasp is the same whichever others there are.
+    """
+    shapes: dict[Hashable, list[int]] = {}
+    for k, (grasp, part) in enumerate(zip(grasps, parts, strict=True)):
+        shape = options.shape(grasp) if len(part.wrenches) <= FEW else None
+        if shape is not None:
+            shapes.setdefault(shape, []).append(k)
+    for some in shapes.values():
+        whole = GraspRows.of([grasps[k] for k in some])
+        for row in range(FEW):
+            there = np.array([_is_plain(parts[k], row, options) for k in some])
+            if there.any():
+                chosen = [parts[k] for k, is_there in zip(some, there, strict=True) if is_there]
+                _ask_across(whole if there.all() else whole.rows(there), chosen, row, options)
+
+
+def _is_plain(part: AnswerRows, row: int, options: RowQuestion) -> bool:
+    """Is there such a row, and is it one that the kernel is asked across grasps?"""
+    if row >= len(part.wrenches):
+        return False
+    of_max = options.query == "max"
+    return bool(_sound(part, of_max)[row] and not (of_max and part.base[row].any()))
+
+
+def _ask_across(grasps: GraspRows, parts: Sequence[AnswerRows], row: int, options: RowQuestion) -> None:
+    """One row of each grasp."""
+    W, B = (np.array([rows[row] for rows in each]) for each in zip(*((p.wrenches, p.base) for p in parts), strict=True))
+    goal = ANY_STATE if options.query == "check" else SMALLEST_PRELOAD
+    try:
+        found = RowKernel(options.limits).ask(grasps, goal, W, B, options.settings)
+    except Uneven as uneven:
+        others = [part for part, same in zip(parts, uneven.most, strict=True) if same]
+        _ask_across(grasps.rows(uneven.most), others, row, options)
+        return
+    assert found is not None
+    for k in np.flatnonzero(found.rows).tolist():
+        for name, values in found.columns.items():
+            parts[k][name][row] = values[k]
 
 
 # --- the rows of one grasp ----------------------------------------------------------------------
 
 
-def answer_rows(
-    grasp: Grasp, wrenches: Array, base: Array, options: RowQuestion, kernel: RowKernel | None = None
-) -> AnswerRows:
-    """Some rows (k, 6) about one grasp: together where that may be, the rest one by one, up to Ctrl-C.
+def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: RowKernel | None = None) -> AnswerRows:
+    """The rows about one grasp that have no answer: together where that may be, the rest one by one, up to Ctrl-C.
 
     kernel: what was prepared for rows about this grasp before.
     """
-    part = AnswerRows(wrenches, base)
-    left, near = np.ones(len(wrenches), bool), dict[int, Near]()
+    left, near = part["stop"] == "", dict[int, Near]()
+    if not left.any():
+        return part
     for rows, goal in _goals(grasp, part, options) if options.together(grasp) else ():
-        if len(rows) < FEW and kernel is None:
+        rows = rows[left[rows]]
+        if len(rows) <= FEW and kernel is None:
             continue
         kernel = kernel or RowKernel(options.limits)
         found = kernel.ask(grasp, goal, part.wrenches[rows], part.base[rows], options.settings)
@@ -319,12 +377,10 @@ def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:
 def _goals(grasp: Grasp, part: AnswerRows, options: RowQuestion) -> Iterator[tuple[Any, Objective]]:
     """Rows that are asked in the same way, and how; those that are none of these are refused, or special."""
     W, B = part.wrenches, part.base
-    with np.errstate(invalid="ignore"):
-        sound = (np.abs(W).max(axis=1) <= scaled_problem.MOST) & (np.abs(B).max(axis=1) <= scaled_problem.MOST)
+    sound = _sound(part, options.query == "max")
     if options.query == "check":
         yield np.flatnonzero(sound), ANY_STATE
         return
-    sound &= np.abs(W).max(axis=1) >= scaled_problem.LEAST
     beside = B.any(axis=1)
     commanded = bool(grasp.command.any())
     given = equivalent_of(grasp).is_given
@@ -332,6 +388,14 @@ def _goals(grasp: Grasp, part: AnswerRows, options: RowQuestion) -> Iterator[tup
     homogeneous = sound & ~beside if grows else np.zeros(len(W), bool)
     yield np.flatnonzero(homogeneous), SMALLEST_PRELOAD
     yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
+
+
+def _sound(part: AnswerRows, of_max: bool) -> Mask:
+    """(k,) bool: rows of finite numbers that are not too large, and no directions next to zero."""
+    with np.errstate(invalid="ignore"):
+        largest, base = np.abs(part.wrenches).max(axis=1), np.abs(part.base).max(axis=1)
+        sound: Mask = (largest <= scaled_problem.MOST) & (base <= scaled_problem.MOST)
+    return sound & (largest >= scaled_problem.LEAST) if of_max else sound
 
 
 def _alone(grasp: Grasp, part: AnswerRows, i: int, options: RowQuestion, near: tuple[Near, ...]) -> Answer:

@@ -20,7 +20,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
-from handfast.stability.answers.batch_answer import BatchAnswer
+from handfast.stability.answers.batch_answer import AnswerRows, BatchAnswer
 from handfast.stability.answers.check_query import is_table
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
@@ -157,7 +157,7 @@ class PreparedGrasp:
     def _rows(self, query: Query, wrenches: Any, field: str, *, base: Any = None, **options: Any) -> BatchAnswer:
         W = as_rows(wrenches, 1, field)
         asked = RowQuestion(query=query, limits=self.limits, settings=self.settings, **options).of_rows()
-        part = answer_rows(self.grasp, W[0], as_base(base, W)[0], asked, self._kernel)
+        part = answer_rows(self.grasp, AnswerRows(W[0], as_base(base, W)[0]), asked, self._kernel)
         return BatchAnswer.of(query, W[0], [part], interval=asked.interval)
 
 

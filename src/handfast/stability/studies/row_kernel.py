@@ -1,6 +1,7 @@
 """Rows about one grasp answered by the compiled kernel together; what belongs to the grasp is made once and kept.
 
-What holds is judged by the equations; what the kernel does not settle is left to a search of its own.
+Or about many grasps of one shape, of each one row: what belongs to them is made for all at once. What holds is judged
+by the equations; what the kernel does not settle is left to a search of its own.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from handfast.stability.answers.max_query import max_goal
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import State, StateRows
 from handfast.stability.problem.objective import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.settings import Settings
@@ -72,8 +74,14 @@ class RowKernel:
         held = judge.residuals(grasp, w[None], states, eta=self.limits.eta).worst[0] <= VALID
         return (states.row(0), nodes) if held else None
 
-    def ask(self, grasp: Grasp, goal: Objective, W: Array, B: Array, settings: Settings) -> SettledRows | None:
-        """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so."""
+    def ask(self, grasp: AnyGrasp, goal: Objective, W: Array, B: Array, settings: Settings) -> SettledRows | None:
+        """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so.
+
+        grasp: of all rows, or of each its own.
+
+        Raises:
+            Uneven: the equations of some of many grasps have a lower rank.
+        """
         if not len(W):
             return None
         start = time.monotonic()
@@ -84,16 +92,18 @@ class RowKernel:
         loads = search.template.loads(B if of_max else W, W if of_max else None, grasp)
         found = search.ask(loads)
         out = (self._maxima if of_max else self._checks)(search.template, loads, found, W, B, settings)
-        if search.template.reduced.goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
+        if goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
             self._slipping(out, np.flatnonzero(found.none), grasp, W, B, settings)
         out.columns.setdefault("stop", np.full(len(W), str(Stop.COMPLETE)))
         out.columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
         return out
 
     def _search(
-        self, grasp: Grasp, goal: Objective, w: Array, base: Array, settings: Settings, reach: float = 0.0
+        self, grasp: AnyGrasp, goal: Objective, w: Array, base: Array, settings: Settings, reach: float = 0.0
     ) -> BatchSearch | None:
         """The search for a goal, made for the first row; None where that is refused, or another goal's."""
+        if isinstance(grasp, GraspRows):
+            return BatchSearch(Template.of_grasps(grasp, goal, self.limits, reach), settings)
         of_max = goal != ANY_STATE
         commands = grasp.command if of_max else np.sign(grasp.command)
         key = goal, reach, settings.gap, commands.tobytes()
@@ -150,13 +160,16 @@ class RowKernel:
         columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded, "residual": residual}
         return SettledRows(columns | {"verified": unbounded, "nodes": found.nodes}, good, states)
 
-    def _slipping(self, out: SettledRows, none: Indices, grasp: Grasp, W: Array, B: Array, settings: Settings) -> None:
+    def _slipping(
+        self, out: SettledRows, none: Indices, grasp: AnyGrasp, W: Array, B: Array, settings: Settings
+    ) -> None:
         """Settle those of the rows without a state (none) that have none either at any magnitude, however small.
 
         A search ends at commands that are some ten thousand times as large as the load, and some smaller loads may
         be resisted: see `solve.without_end`. What it would find there, or not, is left to it.
         """
-        reach = 1.0 if runs_away(grasp) else FARTHER
+        grasp = grasp.rows(none) if isinstance(grasp, GraspRows) else grasp
+        reach = 1.0 if isinstance(grasp, Grasp) and runs_away(grasp) else FARTHER
         search = self._search(grasp, SMALLEST_PRELOAD, W[0], B[0], settings, reach)
         if search is None:
             return
@@ -168,9 +181,10 @@ class RowKernel:
         for name, value in (said | {"lower": 0.0, "upper": 0.0, "unbounded": False}).items():
             out.columns[name][slips] = value
 
-    def _residuals(self, grasp: Grasp, there: Mask, W: Array, states: StateRows) -> Array:
+    def _residuals(self, grasp: AnyGrasp, there: Mask, W: Array, states: StateRows) -> Array:
         """(k,) the worst residuals of those states that are there, NaN for the others."""
         out = np.full(len(W), np.nan)
         if there.any():
+            grasp = grasp.rows(there) if isinstance(grasp, GraspRows) else grasp
             out[there] = judge.residuals(grasp, W[there], states.rows(there), eta=self.limits.eta).worst
         return out
