@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,28 @@ FAST = 1e-4  # by which each of Newton's steps with the inverse at the start has
 
 def refined(s: System) -> Box:
     """`System.box` after Newton's method. Raises `NotShown`."""
-    with ctx.workprec(BITS):
+    with _enough_digits(s):
         return Balls(s).box()
 
 
 def solution(s: System) -> tuple[Array, Array, float]:
     """Motions (6 + l,), forces (N + 1,) and magnitude after Newton's method, rounded. Raises `NotShown`."""
-    with ctx.workprec(BITS):
+    with _enough_digits(s):
         balls = Balls(s)
         x = balls.solved()
         phi = balls.at(x)[1]
         magnitude = float(x[-1].mid()) if s.sought else s.p.magnitude
         return _floats(x[: len(s.v)])[0], _floats(phi)[0], magnitude
+
+
+@contextmanager
+def _enough_digits(s: System) -> Iterator[None]:
+    """Balls of so many bits; `NotShown` where one of them may be a direction of sliding of length 0."""
+    try:
+        with ctx.workprec(BITS):
+            yield
+    except ZeroDivisionError:
+        raise s.fails(False) from None
 
 
 class Balls:
@@ -53,7 +64,7 @@ class Balls:
         return arb_mat(self.s.of_modes.derivative(self.M, K, self.along)[self.s.used].tolist())
 
     def solved(self) -> Array:
-        """Unknowns after Newton's method. Raises `NotShown`."""
+        """Unknowns after Newton's method. Raises `NotShown`, or ZeroDivisionError."""
         s, x = self.s, self.start
         if not len(s.value):
             return x
@@ -62,13 +73,10 @@ class Balls:
             near = self._nearer(C)
             if near is not None:
                 return near
-        try:
-            for _ in range(ROUNDS):
-                *_, K, value = self.at(x)
-                step = (self.derivative(K) * arb_mat(C.tolist())).solve(arb_mat(value[:, None].tolist()))
-                x = middle(x - C @ np.array(step.entries(), dtype=object))
-        except ZeroDivisionError:
-            raise s.fails(False) from None
+        for _ in range(ROUNDS):
+            *_, K, value = self.at(x)
+            step = (self.derivative(K) * arb_mat(C.tolist())).solve(arb_mat(value[:, None].tolist()))
+            x = middle(x - C @ np.array(step.entries(), dtype=object))
         return x
 
     def _nearer(self, C: Array) -> Array | None:
