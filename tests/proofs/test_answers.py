@@ -17,7 +17,7 @@ from handfast.model.grasp import Grasp
 from handfast.proofs import answers, checker
 from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import prove
-from handfast.proofs.fields import BadFile
+from handfast.proofs.fields import SAME, BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.kinds import TURN, Row
 from handfast.proofs.replay import Replay
@@ -177,10 +177,16 @@ def capped() -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_a_cap_on_motions_is_told() -> None:
-    for cap in (None, 1e9, 1.0):
+    exact = capped()["answer"]["motion_cap"]
+    for cap in (None, exact * (1 + 10 * SAME), 2 * exact, -1.0):
         data = capped()
         data["answer"]["motion_cap"] = cap
         assert reason(data) == "answer: motion_cap is not what the rest of the file shows"
+    for cap in (exact, exact * (1 - 10 * SAME), 0.5 * exact, 1.0):  # what is so up to a motion is so up to less
+        data = capped()
+        data["answer"]["motion_cap"] = cap
+        assert verify(data).part("certificate").figures["motion_cap"] == exact
+        assert verify(data).ok
 
 
 def test_a_force_that_is_held_does_not_slip() -> None:
@@ -250,11 +256,11 @@ def test_a_capped_bound_is_far_above_the_forces_in_play() -> None:
     assert re.match("it is proved for motions up to 1 N only", answers.cap_fault(q, 1.0, data["answer"]["upper"], None))
 
 
-@pytest.mark.parametrize("tilt", [10.0**-k for k in range(4, 14)])
-def test_a_slip_up_to_a_cap_and_a_hold_beyond_it_name_their_motions(tilt: float) -> None:
-    """A wedge of two contacts without friction carries 1 N with forces of 1 / (2 tilt), pressed in by 1 / (2 tilt^2).
+def wedge(tilt: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A check that holds, and one of the same question that slips up to a cap.
 
-    That tilt counts as rounding in a proof, which then goes up to a cap. Both are proved, and say of which motions.
+    A wedge of two contacts without friction carries 1 N with forces of 1 / (2 tilt), pressed in by 1 / (2 tilt^2). That
+    tilt counts as rounding in a proof, which then goes up to a cap.
     """
     contacts = [{"position": [-0.05 * s, 0, 0], "normal": [s, tilt, 0], "friction": 0.0} for s in (1, -1)]
     grasp = {"schema": "handfast/grasp/1", "contacts": contacts}
@@ -265,22 +271,58 @@ def test_a_slip_up_to_a_cap_and_a_hold_beyond_it_name_their_motions(tilt: float)
     q, state = answers.read_answer(held).question, answers.read_answer(held).witness.state
     proved = prove(Problem.of(q, q.grasp.command, q.wrench), state)
     held["answer"] |= {"exact": True, "motion": proved.motion} | answers.described(q.grasp, state, proved)
-    assert verify(held).ok
-    assert held["answer"]["motion"] == pytest.approx(0.5 / tilt**2, rel=1e-6)
-    claim = verify(held).part("witness").claim
-    assert claim == f"the disturbance is resisted, with virtual motions of {held['answer']['motion']:.6g} N"
 
     zero = np.zeros(1, np.int64)
     rows = (np.full(2, int(Row.TANGENT)), np.arange(2), np.array([TURN // 2, 0]), np.zeros(2, np.int64))
     forged = Certificate(q, None, zero - 1, zero, zero, zero, zero, np.array([0, 2]), *rows, np.ones(2))
     slips = held | {"witness": None, "certificate": proof_to_dict(forged)}
-    cap = checker.verify(forged).cap
     slips["answer"] = held["answer"] | dict.fromkeys(answers.NOTHING) | {"verdict": "slips", "certified": True}
-    slips["answer"] |= {"exact": None, "motion": None, "motion_cap": cap}
+    slips["answer"] |= {"exact": None, "motion": None, "motion_cap": checker.verify(forged).cap}
+    return held, slips
+
+
+@pytest.mark.parametrize("tilt", [10.0**-k for k in range(4, 14)])
+def test_a_slip_up_to_a_cap_and_a_hold_beyond_it_name_their_motions(tilt: float) -> None:
+    """Both are proved, and say of which motions."""
+    held, slips = wedge(tilt)
+    assert verify(held).ok
+    assert held["answer"]["motion"] == pytest.approx(0.5 / tilt**2, rel=1e-6)
+    claim = verify(held).part("witness").claim
+    assert claim == f"the disturbance is resisted, with virtual motions of {held['answer']['motion']:.6g} N"
+
+    cap = slips["answer"]["motion_cap"]
     if tilt < 1e-5:  # else the cap is not far above the forces in play
         assert verify(slips).ok
         assert verify(slips).part("certificate").claim.endswith(f"up to virtual motions of {cap:.6g} N")
     assert cap < held["answer"]["motion"]
+
+
+def test_a_smaller_cap_than_the_proved_one_may_be_named_and_no_larger_one() -> None:
+    """No state that moves by up to C: so none that moves by less. A larger cap, or none, claims more than is shown.
+
+    Rounding may differ from one computer to another, so a cap that is larger by that alone is the same. The replay
+    names what the certificate shows, whatever the answer does.
+    """
+    _, slips = wedge(1e-8)
+    exact = slips["answer"]["motion_cap"]
+    for cap in (exact, exact * (1 - 10 * SAME), 0.5 * exact, 1.0, 0.0):
+        slips["answer"]["motion_cap"] = cap
+        done = verify(slips)
+        assert done.ok, done.reason
+        assert done.part("certificate").figures["motion_cap"] == exact
+        assert done.part("certificate").claim.endswith(f"up to virtual motions of {exact:.6g} N")
+    for cap in (exact * (1 + 10 * SAME), 2 * exact, 1e300, -1.0, None, "1e4", True):
+        slips["answer"]["motion_cap"] = cap
+        assert reason(slips) == "answer: motion_cap is not what the rest of the file shows", cap
+
+
+def test_a_cap_that_is_not_far_above_the_forces_in_play_is_refused_whatever_is_named() -> None:
+    """It counts what the certificate shows. No larger number in the answer makes more of it."""
+    _, slips = wedge(1e-4)
+    exact = slips["answer"]["motion_cap"]
+    for cap in (exact, 0.5 * exact, 1e12):
+        slips["answer"]["motion_cap"] = cap
+        assert "times the forces in play" in reason(slips)
 
 
 def test_the_measure_of_motions() -> None:

@@ -1,5 +1,6 @@
 """Exact states: planted right and wrong ones for each equation and law, and families over twenty orders."""
 
+from collections.abc import Iterator
 from dataclasses import fields, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from handfast.proofs.existence import AWAY, _inside, nearby, polished, prove, sl
 from handfast.proofs.newton import BITS, Box, System
 from handfast.proofs.question import read_question
 from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
+from handfast.proofs.step_start import StartData
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import check, maximum
@@ -384,28 +386,106 @@ def likeliest(p: Problem, x: State) -> Modes:
     return modes_of(p.grasp, {name: kinds[0] for name, kinds in choices(p, x).items()})
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_inequalities_are_kept_by_as_much_all_over_a_box(family):
-    """At any point of a box they are kept by no less than is said of the box; all kinds of modes, whatever they are."""
-    (p, x), rng = held(*(got := of_family(family))[:2], **got[2]), np.random.default_rng(5)
-    g, none = p.grasp, np.zeros(len(p.grasp.rows[0]))
-    p = replace(p, torque_limit=np.abs(x.f) + 1.0, force_limit=np.abs(x.c).max() + 1.0)
-    modes, d, phi = likeliest(p, x), g.rows[0] @ x.motion, x.forces(g)
-    every = [
-        replace(modes, contact=np.full(g.m, k), joint=np.full(g.l, j)) for k, j in zip(range(6), Part, strict=False)
-    ]
+def boxes(p: Problem, x: State, modes: list[Modes]) -> Iterator[tuple[Modes, Box, Box]]:
+    """Modes, boxes of three sizes about x, and 200 points in each, most of them near its faces."""
+    g, none, rng = p.grasp, np.zeros(len(p.grasp.rows[0])), np.random.default_rng(5)
+    d, phi = g.rows[0] @ x.motion, x.forces(g)
     for wide in (1e-6, 1e-3, 0.3):
         d_off, phi_off = wide * (np.abs(d) + p.scale * g.row_units), wide * (np.abs(phi) + p.scale)
         d_off[-1] = phi_off[-1] = 0.0
         away = rng.choice([-0.999, -0.5, 0.999], size=(2, 200, len(d)))
-        for tried in every:
+        for tried in modes:
             given = ~states.Rows.of(p, tried).unknown
             given[: g.parts[2].start] = False  # forces of contacts follow from motions
-            phi_off = np.where(given, 0.0, phi_off)
-            points = Box(x.motion, none, d + away[0] * d_off, none, phi + away[1] * phi_off, none)
-            least = slacks(p, tried, Box(x.motion, none, d, d_off, phi, phi_off))
-            for (name, what, least_of, applies), (_, _, values, _) in zip(least, slacks(p, tried, points), strict=True):
-                assert (least_of <= values)[..., applies].all(), (name, what)
+            own_off = np.where(given, 0.0, phi_off)
+            points = Box(x.motion, none, d + away[0] * d_off, none, phi + away[1] * own_off, none)
+            yield tried, Box(x.motion, none, d, d_off, phi, own_off), points
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_inequalities_are_kept_by_as_much_all_over_a_box(family):
+    """At any point of a box they are kept by no less than is said of the box; all kinds of modes, whatever they are."""
+    p, x = held(*(got := of_family(family))[:2], **got[2])
+    g = p.grasp
+    p = replace(p, torque_limit=np.abs(x.f) + 1.0, force_limit=np.abs(x.c).max() + 1.0)
+    modes = likeliest(p, x)
+    every = [
+        replace(modes, contact=np.full(g.m, k), joint=np.full(g.l, j)) for k, j in zip(range(6), Part, strict=False)
+    ]
+    for tried, box, points in boxes(p, x, every):
+        both = zip(slacks(p, tried, box), slacks(p, tried, points), strict=True)
+        for (name, what, least, applies), (_, _, values, _) in both:
+            assert (least <= values)[..., applies].all(), (name, what)
+
+
+def started(eta: float) -> tuple[Problem, State]:
+    """A step before which two joints left their stops, a tendon went slack, one contact pressed and two were open.
+
+    The state solves nothing. One contact is a soft finger where normals are certain.
+    """
+    contacts = [
+        Contact([-0.01, 0, 0], [1, 0, 0], 0.5, torsion=0.0 if eta else 0.002),
+        Contact([0.01, 0, 0], [-1, 0, 0], 0.5),
+        Contact([0, 0.01, 0], [0, -1, 0], 0.3),
+    ]
+    joints = [
+        GraspJoint("low", [0, -1, 0], [0.01, 0, -0.1], (1,), stop="lower", friction=0.1),
+        GraspJoint("high", [0, 0, 1], [-0.08, 0, 0], (0,), stop="upper", friction=0.05),
+        GraspJoint("last", [1, 0, 0], [0, 0.01, -0.05], (2,)),
+    ]
+    mechanism = Mechanism(("motor", "tendon"), np.array([[1.0, 1, 0], [0, 0, 1]]), np.zeros((0, 3)), (False, True))
+    p = problem(Grasp(contacts, joints, mechanism, {"motor": 0.3}), [0.2, 0, -1.0], eta=eta, force_limit=3.0)
+    start = StartData(np.array([0.3, -0.7, 0.2]), np.array([4.0, 6.0, 0.0]), np.array([0.0, 5.0]))
+    p = replace(p, grasp=p.grasp.with_start(start), torque_limit=np.array([0.5, np.inf]))
+    rng = np.random.default_rng(6)
+    forces, reaction, torsion = rng.normal(size=9), np.array([0.15, -0.2, 0.0]), np.array([0.0 if eta else 1e-3, 0, 0])
+    at = State(rng.normal(size=6), rng.normal(size=3), forces, np.array([0.4, 0.1]), np.zeros(0), reaction, torsion)
+    return p, at
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.2])
+def test_inequalities_of_a_step_from_a_state_are_kept_by_as_much_all_over_a_box(eta: float) -> None:
+    """As above, but each inequality at the points is written down anew, with what was there before the step."""
+    p, x = started(eta)
+    g, ends = p.grasp, states.reaction_ends(p.grasp)
+    _, _, of_actuators, _, of_joints = g.parts
+    kinds = [Part.RESTS, Part.LOW, Part.HIGH, Part.MOVES, Part.OPENS, Part.FREE, Part.BACK]
+    every = [
+        Modes(np.full(g.m, k), np.zeros(g.m, dtype=bool), np.full(g.a, a), np.full(g.l, j))
+        for k in states.Contact
+        for a in (Part.MOVES, Part.RESTS)
+        for j in kinds
+    ]
+    arm_a, arm_j = g.row_units[of_actuators], g.row_units[of_joints]
+    seen, wrong = set(), set()
+    for tried, box, points in boxes(p, x, every):
+        d, c = points.d[:, g.contact_rows], points.phi[:, g.contact_rows]
+        f, t = points.phi[:, of_actuators], points.d[:, of_actuators]
+        rho, q = points.phi[:, of_joints], points.d[:, of_joints]
+        slides, rubs = (np.sqrt((y[..., 1:] ** 2).sum(axis=-1)) for y in (d, c))
+        true = {
+            "to be open": np.array([0.3, -0.7, 0.2]) + np.cos(eta) * d[..., 0] + np.sin(eta) * slides,
+            "to press": c[..., 0],
+            "to be inside its friction cone": g.mu * c[..., 0] - rubs,
+            "to keep the force limit": 3.0 - c[..., 0],
+            "to carry its command": (f - [0.3, 0.0]) * arm_a,
+            "to move in its sense": (t + np.array([0.0, 5.0])) / arm_a,
+            "to keep its limit": ([0.5, np.inf] - np.abs(f)) * arm_a,
+            "to carry its reaction": np.minimum(rho - ends[0], ends[1] - rho) * arm_j,
+            "to close": q / arm_j,
+            "to open": -q / arm_j,
+            "to stay off its stop": (np.array([4.0, 6.0, np.inf]) + [1, -1, 0] * q) / arm_j,
+            "to lean on its stop": ([1, -1, 0] * rho - [0.1, 0.05, 0.0]) * arm_j,
+        }
+        for _, fault, least, applies in slacks(p, tried, box):
+            what = fault.removeprefix("is not proved ")
+            if what == "to stay off its stop":
+                assert applies.tolist() == [tried.joint[0] != Part.BACK] * 2 + [False]
+            some = applies & (g.stops_left != 0) if what == "to lean on its stop" else applies
+            seen |= {what} if some.any() else set()
+            wrong |= {what} if (least > true[what] + 1e-12)[:, some].any() else set()
+    assert seen == set(true)
+    assert not wrong
 
 
 @pytest.mark.parametrize("family", ["soft fingers", "plain", "prismatic"])

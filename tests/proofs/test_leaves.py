@@ -178,6 +178,33 @@ def test_no_multiplier_of_an_inequality_is_negative_in_rational_numbers():
     assert any(refused)
 
 
+def with_one_that_hardly_counts(share: float, either: bool = False) -> LeafSystems:
+    """A leaf of three rows: -x + share y >= 0, x >= 1 and y >= 0. They cancel with 1, 1 and -share, and with no others.
+
+    The certificate says 1e-12 of the last. either: may its multiplier have any sign?
+    """
+    found = systems(3)
+    value, right = np.zeros((3, found.rows.value.shape[1])), np.array([0.0, 1.0, 0.0])
+    value[:, :2] = [[-1.0, share], [1.0, 0.0], [0.0, 1.0]]
+    y, none = np.array([1.0, 1.0, 1e-12]), np.zeros(3, dtype=bool)
+    zero, start = np.zeros((1, found.equations.columns.n), dtype=bool), np.array([0, 3])
+    cited = CitedRows(value, right, np.arange(3), np.array([False, False, either]), y, start, zero, none, none)
+    return LeafSystems(found.equations, found.side, cited, np.inf)
+
+
+@pytest.mark.parametrize("share", [10.0**-k for k in (1, 3, 6, 9, 12, 14, 15, 16, 18, 30, 100)])
+@pytest.mark.parametrize("quick", [True, False])
+def test_no_multiplier_of_an_inequality_may_be_negative_however_small(share: float, quick: bool) -> None:
+    """x = 1, y = 1 / share meets all three rows. The solved multiplier of the last is -share, 0 but for rounding.
+
+    Nothing is proved by it, whether it is far below 0, or so near that floating point takes it for 0.
+    """
+    assert with_one_that_hardly_counts(share, either=True).proved(quick)[0] > 0
+    assert with_one_that_hardly_counts(share).proved(quick)[0] == -np.inf
+    # with the other sign it is a proof, which floating point finds where that is beyond rounding
+    assert (with_one_that_hardly_counts(-share).proved(quick)[0] > 0) == (share >= 1e-12 or not quick)
+
+
 def test_only_motions_and_forces_of_contacts_may_be_left_over():
     """Where a column is not solved for, what is left in it is known to be small for motions up to a cap, or not."""
     kinds = set()
