@@ -39,6 +39,7 @@ UNASKED, HELD, NONE, HARD = 0, 1, 2, 3
 KEPT = 64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
 PATCH = 22  # numbers of a patch, see `kernel.patch`
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
+MANY_ACTUATORS = 12  # that may move, from which on the children of several parts are tried where proofs are replayed
 TRIED = 8  # parts whose children are tried before a node is split at one of them, where commands are sought
 CHILDREN = 9  # of a node at most: a soft finger sticks, or slides in one of eight octants
 
@@ -68,6 +69,7 @@ class KernelQuestion(NamedTuple):
     cost: Reals  # (n,) what is minimised, over z
     box: Reals  # (n,) |z| where programs begin
     driven: Flags  # (a,) whose command is sought
+    tries: bool  # are nodes split at what their children leave least, see `tree.tried`?
 
 
 class WorkerState(NamedTuple):

@@ -112,7 +112,13 @@ def _search(
         for box in r.boxes:
             best = [s.z for s in searches if s.z is not None]
             workers = settings.jobs or default_jobs()
-            s = Search(r.beginning(box), gap=gap, gap_absolute=gap_absolute, workers=workers, guess=best or guess)
+            s = Search(
+                r.beginning(box, replayed=settings.verify),
+                gap=gap,
+                gap_absolute=gap_absolute,
+                workers=workers,
+                guess=best or guess,
+            )
             searches.append(s)
             yield s, INF
         for turn in itertools.count():  # programs break down wherever they begin: on with those that do best, in turn

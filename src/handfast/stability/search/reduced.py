@@ -122,6 +122,7 @@ class Reduced:
         solve: (ny, e) pseudo-inverse of the equations; values, constants: base values over y. With them
             another disturbance of the same grasp is cheap, see `redirected`.
         of_torques: (e, l) what given torques are in the right-hand sides of the equations.
+        tries: are nodes split at what their children leave least?
     """
 
     p: ScaledProblem
@@ -152,16 +153,18 @@ class Reduced:
     constants: Array
     of_torques: Array
     cap: float = np.inf
+    tries: bool = False
 
     @property
     def boxes(self) -> tuple[tuple[float, float], ...]:
         """Where its programs begin, in the order in which searches try them."""
         return BOXES_OF_LARGEST if self.goal.maximised else BOXES
 
-    def beginning(self, box: tuple[float, float]) -> Reduced:
-        """The same with another of its `boxes`."""
+    def beginning(self, box: tuple[float, float], *, replayed: bool = False) -> Reduced:
+        """The same with another of its `boxes`; replayed: fewer nodes are worth more than their time."""
         n, nu = self.cost.shape[-1], self.M.shape[-1]
-        return replace(self, box=np.repeat(box, [nu, n - nu]))
+        tries = replayed and self.objective > arrays.SCALAR and len(self.active) >= arrays.MANY_ACTUATORS
+        return replace(self, box=np.repeat(box, [nu, n - nu]), tries=tries)
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
@@ -195,6 +198,7 @@ class Reduced:
             cost=self.cost,
             box=self.box,
             driven=self.driven,
+            tries=self.tries,
         )
 
     @cached_property

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner, larger, length, smaller
-from handfast.stability.search.arrays import LARGEST_EFFORT, SCALAR
+from handfast.stability.search.arrays import LARGEST_EFFORT
 from handfast.stability.search.rows import (
     ABOVE,
     BELOW,
@@ -42,13 +42,6 @@ DECIDE = 1e9  # added to the energy that an undecided part misses: it is split b
 # how much more that energy counts where a contact, or an actuator, is undecided, and the share of its friction in it;
 # it counts once where nodes are split by what their children leave
 TOUCHES, TURNS, FRICTION = 20.0, 100.0, 0.1
-MANY_ACTUATORS = 12
-
-
-@inner
-def is_tried(question):
-    """Are nodes split by what their children leave, see `tree.tried`? That pays where many actuators may move."""
-    return question.objective > SCALAR and question.a >= MANY_ACTUATORS
 
 
 @inner
@@ -71,8 +64,8 @@ def select(question, node, c, d, cone, loose):
     total = 0.0
     spare = 0.0
     fallback = -1
-    touches = 1.0 if is_tried(question) else TOUCHES
-    turns = 1.0 if is_tried(question) else TURNS
+    touches = 1.0 if question.tries else TOUCHES
+    turns = 1.0 if question.tries else TURNS
     for i in range(m + question.a):
         node.missing[i] = -1.0
     for i in range(m):

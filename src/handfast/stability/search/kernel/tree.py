@@ -43,7 +43,7 @@ from handfast.stability.search.arrays import (
 from handfast.stability.search.kernel.newton import refine
 from handfast.stability.search.kernel.simplex import ATTEMPTS, FAILED, INFEASIBLE, OPTIMAL, invert, solve
 from handfast.stability.search.kernel.smoothed_state import smoothed_state
-from handfast.stability.search.kernel.split import CONE, FINER, FINEST, is_tried, select, split
+from handfast.stability.search.kernel.split import CONE, FINER, FINEST, select, split
 from handfast.stability.search.kernel.values import row, values
 from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND
 
@@ -121,7 +121,7 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
         node.normal[i] = work.c[3 * i]
     if result == OPTIMAL:
         keep(kept, KEPT, this, work)
-        if is_tried(question):
+        if question.tries:
             pick = tried(question, worker, pool, kept, node, work, this, pick, value, cone)
     count = split(question, node, work.c, work.d, pick)
     for k in range(count):
