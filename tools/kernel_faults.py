@@ -77,7 +77,8 @@ FAULTS = (
     Fault("stability", "simplex.py", "RAY if boxed <= PURE * cited else RAY_OF_BOX", "RAY", "rays of the box prove"),
     Fault("stability", "simplex.py", "theta = larger(work.y[leave], 0.0) * scale", "theta = 0.0",
           "multipliers are not carried on"),
-    Fault("stability", "price.py", "if moves == LOCKED and t > worst:", "if moves == MOVES and t > worst:",
+    Fault("stability", "price.py", "if moves in (LOCKED, HIGH, LOW) and t > worst:",
+          "if moves in (MOVES, HIGH, LOW) and t > worst:",
           "locked actuators move, moving ones do not"),
     Fault("stability", "newton.py", "gradients[1, 4] = w * u2 * u2 ", "gradients[1, 4] = w * u1 * u1 ",
           "the gradient along and across sliding"),
@@ -122,7 +123,8 @@ FAULTS = (
           "a.remainder + b.remainder, half", "what a product of two leaves out"),
     Fault("synthesis", "angle_terms.py", "both = a.stray * b.stray + b.stray * c.stray + a.stray * c.stray",
           "both = a.stray * b.stray + b.stray * c.stray", "what a product of three leaves out"),
-    Fault("synthesis", "set_search.py", "- e_stray * e_stray - pad", "- pad", "what the square of a length leaves out"),
+    Fault("synthesis", "set_search.py", "(2 * e_size * e_error + e_stray * e_stray) * WIDER",
+          "2 * e_size * e_error * WIDER", "what the square of a length leaves out"),
 )  # fmt: skip
 
 
