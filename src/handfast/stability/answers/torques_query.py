@@ -73,7 +73,8 @@ def torques(
     Args:
         wrench: (6,) force [N] and torque [N m] on the object, or (3,) a force at its origin.
         objective: "max", the largest single command, or "sum".
-        actuators: whose commands are sought; by default those that the grasp commands now, or all.
+        actuators: whose commands are sought, each in the sense in which the grasp commands it, or else positive; by
+            default those that the grasp commands now, or all.
             The others stay locked; backdrivable motors stay as the grasp commands them.
 
     The other arguments and errors are those of `check`.
