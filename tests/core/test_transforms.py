@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.core.transforms import cross, matrix_quaternion, normal_frame, quaternion_matrix, rigid, transform
+from handfast.core.transforms import (
+    cross,
+    cross_rows,
+    matrix_quaternion,
+    normal_frame,
+    normal_frames,
+    quaternion_matrix,
+    rigid,
+    transform,
+)
 from handfast.model.grasp import Contact
 from handfast.model.region import Cap
 
@@ -91,3 +100,15 @@ def test_rigid_motions_are_told_from_others():
             rigid(spoilt, "base.pose")
     with pytest.raises(InputError, match=r"pose: is more than 1e\+06 m away"):
         rigid(transform([2e6, 0, 0]))
+
+
+def test_frames_are_those_of_one_normal() -> None:
+    n = np.random.default_rng(1).normal(size=(50, 3))
+    n = np.vstack([n / np.linalg.norm(n, axis=1)[:, None], np.eye(3), -np.eye(3)])
+    np.testing.assert_allclose(normal_frames(n), [normal_frame(x) for x in n], atol=1e-15)
+
+
+def test_products_of_many_vectors_are_those_of_two() -> None:
+    a, b = np.random.default_rng(2).normal(size=(2, 5, 4, 3))
+    np.testing.assert_array_equal(cross_rows(a, b)[3, 2], cross(a[3, 2], b[3, 2]))
+    np.testing.assert_allclose(cross_rows(a[0, 0], b), np.cross(a[0, 0], b), atol=1e-15)

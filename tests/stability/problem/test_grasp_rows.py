@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability.problem import judge, model, scaled_problem
 from handfast.stability.problem.grasp_limits import NO_LIMITS
-from handfast.stability.problem.grasp_rows import GraspRows, normal_frames, shape_of
+from handfast.stability.problem.grasp_rows import GraspRows, shape_of
 from handfast.stability.problem.model import StateRows
 from tests.support.problems import bell, nest, pinch, solved, table
 from tests.support.rounding_edges import hand
@@ -82,12 +81,6 @@ def test_a_row_depends_on_no_other() -> None:
             )
             for name in ("G", "J", "R", "w0", "direction", "f_c", "force"):
                 np.testing.assert_array_equal(getattr(a, name)[k], getattr(b, name)[0], err_msg=name)
-
-
-def test_frames_are_those_of_one_normal() -> None:
-    n = np.random.default_rng(1).normal(size=(50, 3))
-    n = np.vstack([n / np.linalg.norm(n, axis=1)[:, None], np.eye(3), -np.eye(3)])
-    np.testing.assert_allclose(normal_frames(n), [normal_frame(x) for x in n], atol=1e-15)
 
 
 def test_what_stands_by_itself() -> None:

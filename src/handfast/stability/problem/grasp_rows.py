@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
+from handfast.core.transforms import cross_rows, normal_frames
 from handfast.model.grasp import NO_LENGTH, Grasp, GraspJoint
 
 NO_SOFT_FINGERS: Indices = np.zeros(0, dtype=np.intp)
@@ -74,9 +75,9 @@ class GraspRows:
         )
         F = normal_frames(n)
         G = np.empty((k, 6, 3 * m))
-        columns = F.transpose(0, 2, 1, 3)  # coordinate, contact, direction
-        G[:, :3] = columns.reshape(k, 3, 3 * m)
-        G[:, 3:] = crossed(p.transpose(0, 2, 1)[..., None], columns, 1).reshape(k, 3, 3 * m)
+        columns = F.swapaxes(2, 3)  # contact, direction, coordinate
+        for rows, of_columns in ((slice(3), columns), (slice(3, 6), cross_rows(p[:, :, None], columns))):
+            G[:, rows] = of_columns.transpose(0, 3, 1, 2).reshape(k, 3, 3 * m)
         return cls(
             grasps=tuple(grasps),
             positions=p,
@@ -168,21 +169,6 @@ def grasp_of(grasp: AnyGrasp, row: int = 0) -> Grasp:
     return grasp.grasps[row] if isinstance(grasp, GraspRows) else grasp
 
 
-def normal_frames(normals: Array) -> Array:
-    """(..., 3, 3) orthonormal columns n, t1, t2 of each normal (..., 3), as `transforms.normal_frame` makes them."""
-    e = np.eye(3)[np.abs(normals).argmin(axis=-1)]
-    t1 = crossed(normals, e, -1)
-    t1 /= np.sqrt((t1 * t1).sum(axis=-1))[..., None]
-    return np.stack([normals, t1, crossed(normals, t1, -1)], axis=-1)
-
-
-def crossed(a: Array, b: Array, axis: int) -> Array:
-    """a x b of vectors along an axis; `np.cross` takes several times as long."""
-    a0, a1, a2 = (a.take(i, axis=axis) for i in range(3))
-    b0, b1, b2 = (b.take(i, axis=axis) for i in range(3))
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=axis)
-
-
 def _jacobian(joints: list[GraspJoint], p: Array, frames: Array, l: int) -> Array:
     """(k, 3m, l) of k times l joints that move contacts at p (k, m, 3) in their frames (k, m, 3, 3)."""
     k, m = p.shape[:2]
@@ -192,7 +178,7 @@ def _jacobian(joints: list[GraspJoint], p: Array, frames: Array, l: int) -> Arra
         np.concatenate([getattr(j, name) for j in joints]).reshape(k, 1, l, 3) for name in ("axis", "origin")
     )
     turns = np.array([j.type == "revolute" for j in joints[:l]])[:, None]
-    speeds = np.where(turns, crossed(axes, p[:, :, None] - origins, -1), axes)  # (k, m, l, 3)
+    speeds = np.where(turns, cross_rows(axes, p[:, :, None] - origins), axes)  # (k, m, l, 3)
     moved = np.zeros((k, m, l))
     where = [(i // l, contact, i % l) for i, j in enumerate(joints) for contact in j.moves]
     moved[tuple(np.array(where, dtype=int).reshape(-1, 3).T)] = 1.0

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from handfast.core.arrays import Array, Mask, times, transposed
+from handfast.core.transforms import cross_rows
 from handfast.model.grasp import Grasp
 from handfast.stability.problem.exact_sums import Sums, exact_sums
 from handfast.stability.problem.grasp_rows import AnyGrasp, grasp_of
@@ -23,7 +24,6 @@ from handfast.stability.problem.model import (
     beyond_stops,
     commanded,
     cone_excess,
-    cross_rows,
     dissipation_defect,
     friction,
     joint_arms,

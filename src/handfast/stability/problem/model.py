@@ -72,12 +72,6 @@ def lengths(x: Array) -> Array:
     return out
 
 
-def cross_rows(a: Array, b: Array) -> Array:
-    """Of vectors (..., 3); `np.cross` takes several times as long."""
-    out: Array = a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class StateRows:
     """k states of one grasp as they were found, see `State`: (k, 6), (k, l), (k, 3m), (k, a), (k, couplings), (k, l).

@@ -13,7 +13,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
-from handfast.core.transforms import cross
+from handfast.core.transforms import cross, cross_rows
 from handfast.model.grasp import Grasp
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
@@ -392,7 +392,7 @@ def _given(same: EquivalentGrasp) -> float:
 
 def _sizes(grasp: AnyGrasp, w: Array) -> Array:
     """(k,) `_size` of each of the disturbances (k, 6)."""
-    force, torque = w[:, :3], w[:, 3:] - model.cross_rows(grasp.positions.mean(axis=-2), w[:, :3])
+    force, torque = w[:, :3], w[:, 3:] - cross_rows(grasp.positions.mean(axis=-2), w[:, :3])
     out: Array = np.sqrt(np.maximum((force * force).sum(axis=1), (torque * torque).sum(axis=1) / grasp.size**2))
     return out
 

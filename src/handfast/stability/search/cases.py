@@ -26,7 +26,7 @@ from handfast.stability.search.rows import (
     UNDECIDED,
 )
 
-STILL = {FREE: LOCKED, BELOW: LOW, ABOVE: HIGH}  # of actuators that are not decided: the case besides MOVES
+AT_REST = {FREE: LOCKED, BELOW: LOW, ABOVE: HIGH}  # of actuators that are not decided: the case besides MOVES
 SMALLEST = 1 << 30  # patches from this number on stay as they are
 NARROW = 64  # sectors that are no wider than this, in grid steps, stay as they are
 
@@ -36,10 +36,10 @@ def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[
 
     robust: open contacts have sectors, too. soft: (m,) which contacts are soft fingers, which slide in patches.
     """
-    free = np.flatnonzero(np.isin(state[3 * m :], list(STILL)))
+    free = np.flatnonzero(np.isin(state[3 * m :], list(AT_REST)))
     if len(free):
         j = int(free[0])
-        return _changed(state, m, m + j, [(STILL[int(state[3 * m + j])], 0, 0), (MOVES, 0, 0)])
+        return _changed(state, m, m + j, [(AT_REST[int(state[3 * m + j])], 0, 0), (MOVES, 0, 0)])
     width = np.where(soft, 0, state[2 * m : 3 * m] - state[m : 2 * m])
     if mdp and (soft & (state[:m] == CLOSED)).any():
         i = int(np.flatnonzero(soft & (state[:m] == CLOSED))[0])

@@ -20,7 +20,7 @@ from handfast.proofs.certificate import ROWS, Certificate
 from handfast.proofs.equations import Equations, RightSide, equations_of
 from handfast.proofs.fields import Integers
 from handfast.proofs.kinds import TURN, ActuatorState, ContactState, Row
-from handfast.proofs.rows import Columns, LeafRows
+from handfast.proofs.rows import STILL_ACTUATORS, Columns, LeafRows
 
 TANGENTS = 8  # directions, besides those that the leaf's own ray has
 ROOM = 1.01  # by which a multiplier grows faster than what may be missed
@@ -203,7 +203,7 @@ def _candidates(c: Certificate, leaf: int, case: Integers) -> tuple[Integers, In
             out += [(Row.GAP_DOWN, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
     for j, state in enumerate(case[m:, 0].tolist()):
         out += [(Row.T_UP, j, 0, 0), (Row.E_UP, j, 0, 0), (Row.S_UP, j, 0, 0)]
-        if state in (ActuatorState.LOCKED, ActuatorState.HIGH, ActuatorState.LOW) or not q.may_move[j]:
+        if state in STILL_ACTUATORS or not q.may_move[j]:
             out.append((Row.T_DOWN, j, 0, 0))
         if state == ActuatorState.LOW:
             out.append((Row.E_DOWN, j, 0, 0))
