@@ -355,9 +355,12 @@ def fingers(seed: int) -> Grasp:
     return Grasp(contacts, joints)
 
 
-@pytest.mark.parametrize(("seed", "nodes", "least"), [(0, 560, 0.0019025), (3, 350, 0.0007814)])
+@pytest.mark.parametrize(("seed", "nodes", "least"), [(0, 560, 0.0019025), (3, 350, 0.0007814), (2, 2800, 0.0018487)])
 def test_least_commands_of_many_motors_take_few_nodes(seed: int, nodes: int, least: float) -> None:
-    """Twelve motors; 710 and 418 nodes where actuators that rest were locked whatever they carried."""
+    """Twelve motors; 710 and 418 nodes where actuators that rest were locked whatever they carried.
+
+    Of the hand of seed 2 the first state is refused by the judge: the search without trials that follows finds another.
+    """
     answer = torques(fingers(seed), w(0, 0, -1))
     assert (answer.verdict, answer.verified) == (Verdict.HOLDS, True)
     assert (answer.lower, answer.upper) == pytest.approx((least, least), rel=2e-3)

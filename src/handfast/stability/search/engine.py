@@ -64,8 +64,10 @@ def search(
         return _beyond(r, value, replace(settings, nodes=nodes, timeout=max(seconds, LEAST), verify=False))
 
     beside = Capped(r, *_gaps(r, goal, settings), settings.jobs or default_jobs(), bounds=capped, beyond=beyond)
-    out = _search(p, goal, settings, on_progress, r, limits, beside, guess)
-    for gap in (g for g in FINER if g < settings.gap):  # the tolerances of programs go with the gap
+    tries = settings.verify and r.may_try
+    out = _search(p, goal, settings, on_progress, replace(r, tries=tries), limits, beside, guess)
+    again = [settings.gap] * tries  # in another order, without trials
+    for gap in (*again, *(g for g in FINER if g < settings.gap)):  # the tolerances of programs go with the gap
         nodes = settings.nodes - out.nodes
         if out.stop is not Stop.NUMERICAL or nodes <= 0 or limits.late:
             break
@@ -113,7 +115,7 @@ def _search(
             best = [s.z for s in searches if s.z is not None]
             workers = settings.jobs or default_jobs()
             s = Search(
-                r.beginning(box, replayed=settings.verify),
+                r.beginning(box),
                 gap=gap,
                 gap_absolute=gap_absolute,
                 workers=workers,

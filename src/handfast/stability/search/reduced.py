@@ -160,11 +160,15 @@ class Reduced:
         """Where its programs begin, in the order in which searches try them."""
         return BOXES_OF_LARGEST if self.goal.maximised else BOXES
 
-    def beginning(self, box: tuple[float, float], *, replayed: bool = False) -> Reduced:
-        """The same with another of its `boxes`; replayed: fewer nodes are worth more than their time."""
+    @property
+    def may_try(self) -> bool:
+        """Do trials of children pay, where fewer nodes are worth more than their time as their proof is replayed?"""
+        return self.objective > arrays.SCALAR and len(self.active) >= arrays.MANY_ACTUATORS
+
+    def beginning(self, box: tuple[float, float]) -> Reduced:
+        """The same with another of its `boxes`."""
         n, nu = self.cost.shape[-1], self.M.shape[-1]
-        tries = replayed and self.objective > arrays.SCALAR and len(self.active) >= arrays.MANY_ACTUATORS
-        return replace(self, box=np.repeat(box, [nu, n - nu]), tries=tries)
+        return replace(self, box=np.repeat(box, [nu, n - nu]))
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
