@@ -68,11 +68,13 @@ class Proved:
         return self.magnitude is None or self.magnitude[0] >= least
 
 
-def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -> Proved:
+def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf, within: float = np.inf) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
 
     until: [s] of `time.monotonic`, after which no further modes are tried: nothing is shown then.
     least: the magnitude that has to be reached; a state with a smaller one is shown only where nothing else is.
+    within: [N] the `radius` asked for. Where motions are not determined an exact state may be farther from x; it is
+        shown only where x itself misses too much.
     """
     if not p.scale >= LEAST:
         return Proved(False, False, TOO_SMALL, np.inf)
@@ -82,7 +84,7 @@ def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf) -
         if free and not (done.exact and done.reaches(least)):
             fixed = _attempts(p, x, until)
             done = fixed if fixed.exact else done
-    if (done.exact and done.reaches(least)) or not p.granted > 0:
+    if (done.exact and done.reaches(least) and done.radius <= within) or not p.granted > 0:
         return done
     rough = near(p, x)
     if not rough.shown:

@@ -176,9 +176,11 @@ def _state(k: int, step: Step) -> tuple[Proved, Replay]:
         raise Refused(f"step {k}: its witness is a state under another load, or with other commands")
     if step.certificate is not None:
         raise Refused(f"step {k}: has a witness and a certificate")
-    found = prove(_problem(step), w.state)
+    problem = _problem(step)
+    reach = near_enough(problem, w.state)
+    found = prove(problem, w.state, within=reach)
     reason = "" if found.exact or found.tolerant else found.reason
-    if not reason and not is_near(step.question, w.state, found):
+    if not reason and not found.radius <= reach:
         reason = f"the state that is proved is {found.radius:.1e} N from the numbers that the path goes on from"
     claim += f", with virtual motions of {found.motion:.6g} N" if not reason else ""
     to = "" if found.exact else ", to 1e-9 of the load"
@@ -186,9 +188,9 @@ def _state(k: int, step: Step) -> tuple[Proved, Replay]:
     return found, Replay(f"step {k}", claim + to, reason, figures)
 
 
-def is_near(q: Question, x: State, found: Proved) -> bool:
-    """Are forces and motions of the state that is proved within `NEAR` of x, relative to the forces that act?"""
-    return found.radius <= NEAR * acting(Problem.of(q, q.grasp.command, q.wrench), x)
+def near_enough(p: Problem, x: State) -> float:
+    """[N] how far from a step's state x the one that is proved may be for a path to go on from x: see `prove`."""
+    return NEAR * acting(p, x)
 
 
 def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Replay, float | None]:

@@ -21,7 +21,6 @@ from handfast.stability.answers.answer import any_state
 from handfast.stability.answers.check_query import _of_path
 from handfast.stability.answers.load_path import Follower, StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
-from handfast.stability.problem.bound_problem import stated
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.solve import clock_of
@@ -383,9 +382,18 @@ def test_a_chain_with_a_fault_is_refused() -> None:
 
 def test_a_path_goes_on_from_numbers_near_the_state_that_is_proved() -> None:
     step = check(jaw(), [-0.6, 0.6, 0], loading=FIRST).path.steps[-1]
-    x, found = stated(step.witness.state), step.proved
-    assert path_steps.is_near(step.question, x, found)
-    assert not path_steps.is_near(step.question, x, replace(found, radius=1e-3))
+    assert step.certain
+    assert step._reaches(step.proved)
+    assert not step._reaches(replace(step.proved, radius=1e-3))
+
+
+def test_a_state_whose_motion_is_free_is_proved_where_it_stands() -> None:
+    """The exact state that is found first moves by 1 N else: so the one that was met is proved, to 1e-9."""
+    for share, said in ((0.5, "holds"), (0.9, "holds"), (1.1, "slips")):
+        answer = check(load_grasp("tendon-block"), [0, share * 15.5555, 0], loading=FIRST)
+        assert answer.verdict == said
+        assert answer.exact is False
+        assert answer.verify().ok
 
 
 def test_a_refutation_is_of_the_step_that_it_names() -> None:

@@ -94,6 +94,8 @@ class Answer(Presented, ABC):
     def _shown(self) -> tuple[Witness, Proved | None] | None:
         if self.found is None or self._of_found is None or self.posed is None:
             return None if self.found is None else (self.found, None)
+        if self.path is not None:  # its last state, as it stands in the chain
+            return self.found, self._of_found
         from handfast.stability.search.least_motion import (
             least_motion,  # needs the engine, and only what is shown needs it
         )
@@ -126,7 +128,12 @@ class Answer(Presented, ABC):
     def _proved(self, w: Witness, until: float = np.inf, least: float = -np.inf) -> Proved:
         """What is proved of a state, until [s] of `time.monotonic`; least: see `prove`."""
         assert self.posed is not None
-        return prove(self._problem(w), stated(w.state), until, least)
+        p, x = self._problem(w), stated(w.state)
+        return prove(p, x, until, least, self._within(p, x))
+
+    def _within(self, p: Problem, x: StateData) -> float:
+        """[N] how near to a state x what is proved is to be, if it can be; of a path as near as each of its steps."""
+        return np.inf if self.path is None else path_steps.near_enough(p, x)
 
     def _problem(self, w: Witness) -> Problem:
         """What a state has to solve."""

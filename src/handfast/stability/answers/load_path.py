@@ -24,7 +24,8 @@ from handfast.model.start import Start
 from handfast.proofs import path_steps
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.existence import Proved
-from handfast.proofs.states import came_from
+from handfast.proofs.states import Problem, came_from
+from handfast.proofs.states import State as StateData
 from handfast.proofs.tolerance import ENDLESS, farthest
 from handfast.stability.answers.answer import Answer, any_state, witness_json
 from handfast.stability.problem import judge, scaled_problem
@@ -51,17 +52,16 @@ class StepAnswer(Answer):
     @property
     def certain(self) -> bool:
         """Is a state proved that is near enough to the one that was found for a path to go on from it?"""
-        known, w, q = self._of_found, self.found, self.question
-        if known is None or w is None or q is None or not super().certain:
-            return False
-        return path_steps.is_near(q, stated(w.state), known)
+        known = self._of_found
+        return known is not None and super().certain and self._reaches(known)
+
+    def _within(self, p: Problem, x: StateData) -> float:
+        return path_steps.near_enough(p, x)
 
     def _reaches(self, proved: Proved) -> bool:
         """Is it as near? Else the state that was found is shown."""
         w = self.found
-        if w is None or self.question is None:
-            return False
-        return path_steps.is_near(self.question, stated(w.state), proved)
+        return w is not None and proved.radius <= path_steps.near_enough(self._problem(w), stated(w.state))
 
     def said(self) -> dict[str, Any]:
         return self.state_json()
