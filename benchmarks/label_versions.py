@@ -88,10 +88,15 @@ def compared(a: dict[str, Any], b: dict[str, Any]) -> Counter[str]:
     out: Counter[str] = Counter()
     for x, y in zip(a["verdicts"] or (), b["verdicts"] or (), strict=True):
         out["verdicts that are equal" if x == y else f"verdicts {x} before, {y} after"] += 1
+    if a["held_by"] is not None:
+        x, y = a["held_by"], b["held_by"]
+        out[f"held by {x} in both" if x == y else f"held by {x} before, {y} after"] += 1
+    same_hardest = a["hardest"] == b["hardest"]  # of equals another one may be
+    out["other hardest directions"] += not same_hardest
     for key in a:
         if f"{key}_upper" in a:
             bounds = [(v[key] or 0.0, np.inf if v[f"{key}_upper"] is None else v[f"{key}_upper"]) for v in (a, b)]
-        elif f"{key}_lower" in a:
+        elif f"{key}_lower" in a and same_hardest:
             none = [np.inf if v[key] is None else 0.0 for v in (a, b)]  # a lower bound that is not shown is empty
             lowers = [n if v[f"{key}_lower"] is None else v[f"{key}_lower"] for v, n in zip((a, b), none, strict=True)]
             bounds = [(low, np.inf if v[key] is None else v[key]) for v, low in zip((a, b), lowers, strict=True)]

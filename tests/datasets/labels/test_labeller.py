@@ -191,3 +191,41 @@ def test_commands_that_hold_are_never_below_the_largest_that_is_needed(monkeypat
     assert weak["commands"] == weak["holding_commands"]
     assert weak["largest_command"] == np.max(weak["holding_commands"])
     assert weak["largest_command_lower"] is None
+
+
+def test_where_no_commands_hold_one_direction_it_is_the_hardest_and_least_commands_are_not_sought(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A force off the line through both contacts turns the object about it; gravity along -z needs a squeeze."""
+
+    def never(*_: object) -> LeastCommands:
+        raise AssertionError("least commands of a grasp that no commands hold")
+
+    grasp = pinch().with_preload(None).about(mass=0.05, center_of_mass=(0, 0, 0.01))
+    either = Labelling(directions=1, gravity=((0, 0, -1.0), (0, 1.0, 0)))
+    monkeypatch.setattr(Questions, "commands", never)
+    said = label(grasp, either)
+    assert (said["verdicts"], said["held_by"], said["holding_commands"]) == (["slips", "slips"], "none", None)
+    assert said["hardest"] == [0, 1, 0]
+    assert (said["commands"], said["largest_command"], said["largest_command_lower"]) == (None, None, None)
+
+
+def test_whether_any_commands_resist_is_said_with_some_that_do() -> None:
+    """1.47 N across the fingers take 0.147 N m; no forces at two points turn the object about the line through them."""
+    grasp = pinch().about(mass=0.15, center_of_mass=(0, 0, 0))
+    questions = Questions(grasp, Labelling().settings(2), 60.0, 1e5)
+    loads = [np.array([0, -1.47, 0, 0, 0, 0]), np.array([0, 0, -1.47, 0, 0, 0]), np.array([0, 0, 0, 1.0, 0, 0])]
+    lost, known = questions.resisted_by_none(loads, (0, 1, 2))
+    assert lost == 2
+    assert set(known) == {0, 1}
+    assert all(check(grasp.with_preload(known[k]), loads[k]).verdict is Verdict.HOLDS for k in known)
+    assert questions.resisted_by_none(loads, (0, 1))[0] is None
+
+
+def test_commands_that_are_sought_for_all_loads_are_tried_on_the_last_that_slipped_first() -> None:
+    grasp = pinch().about(mass=0.05, center_of_mass=(0, 0, 0))
+    questions, order = Questions(grasp, Labelling().settings(2), 60.0, 1e5), [0, 1, 2]
+    loads = [np.array([0, f, 0, 0, 0, 0]) for f in (-0.1, 0.2, 0.5)]
+    assert not questions._all_held(np.array([0.03, 0.03]), loads, order)
+    assert order == [2, 0, 1]
+    assert questions._all_held(np.array([0.06, 0.06]), loads, order)

@@ -15,12 +15,14 @@ from hypothesis import strategies as st
 
 from benchmarks.time_limits import PULL, drawn
 from handfast import InputError, Settings, Stop, Verdict, check, load_body
+from handfast.core.answer import SearchLimits
 from handfast.model.body import Body
+from handfast.model.grasp import Grasp
 from handfast.model.shape import Shape
 from handfast.stability.answers import maximum, torques
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads, load_loads
-from handfast.stability.studies.hold import hold, moderate
+from handfast.stability.studies.hold import HoldOptions, _HoldSearch, hold, moderate
 from tests.support.problems import X, Y, Z, bell, nest, pinch
 
 ZERO = np.zeros(3)
@@ -267,6 +269,37 @@ def test_a_single_actuator_has_one_shape_of_preload(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("handfast.stability.studies.hold.maximum", counted)
     hold(pinch(), forces(-0.5 * Y, -0.4 * Y), actuators=["left"])
     assert len(asked) == 2  # one for each load
+
+
+def test_loads_with_a_known_preload_are_asked_only_for_the_least(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def counted(grasp: Grasp, wrench: np.ndarray, **options: object) -> object:
+        asked.append(float(wrench[1]))
+        return torques(grasp, wrench, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("handfast.stability.studies.hold.torques", counted)
+    monkeypatch.setattr("handfast.stability.studies.hold._HoldSearch.plain", lambda self: [])
+    loads, known = forces(-0.5 * Y, -0.4 * Y), {"load 0": {"left": 0.07, "right": 0.07}}
+    a = hold(pinch(), loads, least=False, known=known)
+    assert (a.verdict, asked) == (Verdict.HOLDS, [-0.4])
+    assert a.upper == pytest.approx(0.05, rel=2e-3)  # the known one at the level that all need
+    asked.clear()
+    assert hold(pinch(), loads, known=known).lower == pytest.approx(0.05, rel=2e-3)
+    assert asked == [-0.5, -0.4]
+
+
+def test_beside_what_is_given_a_shape_is_tried_at_every_size_that_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Joints with friction: what holds at one size need not at another, and levels are a guess there."""
+    grasp = pinch()
+    rubbing = Grasp(grasp.contacts, [replace(joint, friction=0.01) for joint in grasp.joints], preload=grasp.preload)
+    search = _HoldSearch(rubbing, forces(-0.5 * Y), HoldOptions(), SearchLimits(None), None)
+    monkeypatch.setattr(search, "checked", lambda shape: (object(),) if shape == {"left": 0.02} else ())
+    monkeypatch.setattr(search, "resisted", lambda unit, k: 0.0)
+    assert not search.level({"left": 1.0})
+    assert search.level({"left": 0.02})
+    assert search.best is not None
+    assert search.best[0] == {"left": 0.02}
 
 
 # --- margins ------------------------------------------------------------------------------------

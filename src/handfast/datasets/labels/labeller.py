@@ -181,10 +181,18 @@ def _under_gravity(
     most = [  # a weight that is held is a witness, too, where the search for the largest found less within its limits
         replace(m, lower=max(m.lower, weight)) if v is Verdict.HOLDS else m for m, v in zip(most, verdicts, strict=True)
     ]
-    worst = min(range(len(pulls)), key=lambda k: (most[k].lower, most[k].upper, k))
     loads = [weight * force_at(v, center) for v in pulls]
-    smallest = ask.commands(loads[worst])
-    held_by, holding = _held_by(ask, loads, all_hold(verdicts), worst, smallest)
+    order = sorted(range(len(pulls)), key=lambda k: (most[k].lower, most[k].upper, k))
+    lost, resisting = ask.resisted_by_none(loads, (k for k in order if verdicts[k] is Verdict.SLIPS))
+    # of those that are resisted equally little the hardest is one that no commands resist
+    least = (most[order[0]].lower, most[order[0]].upper)
+    worst = lost if lost is not None and (most[lost].lower, most[lost].upper) == least else order[0]
+    smallest = LeastCommands(None, np.inf) if worst == lost else ask.commands(loads[worst])
+    if lost is None:
+        resisting |= {k: ask.grasp.preload for k, verdict in enumerate(verdicts) if verdict is Verdict.HOLDS}
+        held_by, holding = _held_by(ask, loads, all_hold(verdicts), worst, smallest, resisting)
+    else:
+        held_by, holding = "none", None
     own = ask.grasp.command if verdicts[worst] is Verdict.HOLDS else None
     scaled = LargestLoad(most[worst].lower / weight, most[worst].upper / weight, most[worst].unbounded)
     return (
@@ -201,18 +209,23 @@ def _under_gravity(
 
 
 def _held_by(
-    ask: Questions, loads: list[Array], verdict: Verdict, hardest: int, smallest: LeastCommands
+    ask: Questions,
+    loads: list[Array],
+    verdict: Verdict,
+    hardest: int,
+    smallest: LeastCommands,
+    known: dict[int, dict[str, float]],
 ) -> tuple[str, Array | None]:
     """Which commands resist all loads: a word of `HELD_BY`, and one preload (a,) that does, if one is known.
 
     Args:
-        hardest: of the loads. smallest: commands that resist that one.
+        hardest: of the loads. smallest: commands that resist that one. known: some that resist others, by number.
     """
     if verdict is Verdict.HOLDS:
         return "these", ask.grasp.command
     if verdict is Verdict.UNDECIDED:
         return "undecided", None
-    found, preload = ask.one_preload(loads, hardest, smallest)
+    found, preload = ask.one_preload(loads, known, hardest, smallest)
     return {Verdict.HOLDS: "others", Verdict.SLIPS: "none"}.get(found, "undecided"), preload
 
 

@@ -6,8 +6,10 @@ Whatever answers many questions at once belongs here, and nothing else of this p
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,8 @@ from handfast.stability.studies.prepared import PreparedGrasp, prepare
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
 FEWEST = 64  # and nodes
+ROUGH, BRIEF = 0.1, 256  # gap and nodes of commands that need not be the least,
+FIRST = 16  # and nodes that show mostly that there are none
 FACTORS = (1.5, 1.1, 2.5, 5.0, 1.00001)  # of the smallest commands for one load: they may hold all, some to spare
 
 
@@ -125,42 +129,76 @@ class Questions:
             return LeastCommands(None, answer.lower)
         return LeastCommands(self.grasp.with_commands(answer.preload).command, answer.lower)
 
-    def one_preload(self, wrenches: list[Array], hardest: int, least: LeastCommands) -> tuple[Verdict, Array | None]:
+    def resisted_by_none(
+        self, wrenches: list[Array], order: Iterable[int]
+    ) -> tuple[int | None, dict[int, dict[str, float]]]:
+        """The first of these disturbances (6,) that is seen in a few nodes to slip whatever is commanded, if one is.
+
+        They are asked in an order. Beside it commands, by number, that were found to resist some of those before it.
+        """
+        free, found = free_motors(self.grasp), dict[int, dict[str, float]]()
+        for k in order:
+            if not free or unbalanced(self.grasp, wrenches[k]):
+                return k, found
+            settings = self._limited(1)
+            first = replace(settings, nodes=min(settings.nodes, FIRST))
+            answer = torques(self.grasp, wrenches[k], actuators=free, settings=first)
+            limited = answer.stop in (Stop.NODES, Stop.NUMERICAL)  # which leaves nothing open: it is asked again
+            self._count(Stop.COMPLETE if limited else answer.stop, answer.nodes, closed=True)
+            if answer.verdict is Verdict.SLIPS:
+                return k, found
+            if answer.preload is not None:
+                found[k] = answer.preload
+        return None, found
+
+    def one_preload(
+        self, wrenches: list[Array], known: dict[int, dict[str, float]], hardest: int, least: LeastCommands
+    ) -> tuple[Verdict, Array | None]:
         """Is there one preload (a,) under which each of these disturbances (6,) is resisted? The first that is found.
 
         The motors that the grasp commands are tried first, then all; backdrivable ones stay as they are commanded.
 
         Args:
+            known: commands that resist some of the disturbances, by number.
             hardest: which of them asks most. least: the smallest commands for it, of the motors that are commanded.
         """
         own, free = self.grasp.sought_actuators, free_motors(self.grasp)
-        if not free or any(unbalanced(self.grasp, wrench) for wrench in wrenches):
-            return Verdict.SLIPS, None
         if least.lower == np.inf and own != free:
             least, own = self.commands(wrenches[hardest], free), free
         if least.lower == np.inf:
             return Verdict.SLIPS, None
+        order = [hardest, *(k for k in range(len(wrenches)) if k != hardest)]
         if least.commands is not None:
             for command in (factor * least.commands for factor in FACTORS):
-                if self._all_held(command, wrenches):
+                if self._all_held(command, wrenches, order):
                     return Verdict.HOLDS, command
+        resisting = {str(k): commands for k, commands in known.items()}
         loads, found = Loads(tuple(str(k) for k in range(len(wrenches))), np.array(wrenches)), Verdict.UNDECIDED
         for motors in dict.fromkeys((own, free)):
             settings = self._limited(len(wrenches))
-            timeout = len(wrenches) * settings.timeout
-            answer = hold(self.grasp, loads, actuators=motors, least=False, settings=settings, timeout=timeout)
+            asked: dict[str, Any] = {"least": False, "known": resisting, "settings": settings}
+            asked["bounding"] = replace(settings, gap=max(ROUGH, settings.gap), nodes=min(settings.nodes, BRIEF))
+            answer = hold(self.grasp, loads, actuators=motors, timeout=len(wrenches) * settings.timeout, **asked)
             self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
             found = answer.verdict
             if answer.preload is not None:
                 return found, self.grasp.with_commands(answer.preload).command
         return found, None
 
-    def _all_held(self, command: Array, wrenches: list[Array]) -> bool:
-        """Is each of these disturbances (6,) shown to be resisted under other commands (a,)?"""
-        found = prepare(self.grasp.with_preload(command), settings=self._limited(len(wrenches))).check(wrenches)
-        for k in range(len(wrenches)):
-            self._count_row(found, k, closed=True)  # what is open is tried otherwise
-        return all(str(verdict) == Verdict.HOLDS for verdict in found.verdict)
+    def _all_held(self, command: Array, wrenches: list[Array], order: list[int]) -> bool:
+        """Is each of these disturbances (6,) shown to be resisted under other commands (a,)?
+
+        They are asked in an order; what is not resisted goes to its front.
+        """
+        prepared = prepare(self.grasp.with_preload(command), settings=self._limited(len(wrenches)))
+        for k in order:
+            found = prepared.check([wrenches[k]])
+            self._count_row(found, 0, closed=True)  # what is open is tried otherwise
+            if str(found.verdict[0]) != Verdict.HOLDS:
+                order.remove(k)
+                order.insert(0, k)
+                return False
+        return True
 
     def _limited(self, count: int) -> Settings:
         """The settings with an equal share of the time that is left, and of the nodes if these are fewer."""

@@ -179,6 +179,8 @@ class HoldOptions:
         bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
             lower bound is claimed, and only what says that there is no preload is asked again with its proof.
         timeout: [s] for the whole question, margins included.
+        known: by names of loads, preloads that are known to resist them. Only with `least` are these loads asked what
+            they need.
     """
 
     actuators: Sequence[str] | None = None
@@ -189,6 +191,7 @@ class HoldOptions:
     settings: Settings = field(default_factory=Settings)
     bounding: Settings | None = None
     timeout: float | None = None
+    known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
@@ -238,6 +241,7 @@ class _HoldSearch:
     ) -> None:
         self.grasp, self.loads, self.clock, self.on_progress = grasp, loads, clock, on_progress
         self.names = tuple(asked.actuators or grasp.sought_actuators)
+        self.known = {} if asked.least else asked.known
         self.settings, self.bounds, self.limits = asked.settings, asked.bounding or asked.settings, asked.limits
         self.tried: set[tuple[tuple[str, float], ...]] = set()
         self.nodes = 0
@@ -265,6 +269,10 @@ class _HoldSearch:
         for left, k in zip(range(len(self.loads), 0, -1), self.order[:], strict=True):
             if self.late():
                 return self.answer(self.found, Stop.TIME)
+            if self.loads.names[k] in self.known:
+                known = self.known[self.loads.names[k]]
+                needs.append({n: float(known.get(n, 0.0)) for n in self.names})
+                continue
             share = 1 / (left + 1)  # as much is left for shapes
             a = self.torques(k, self.bounds, share)
             if self.refutes(a) and not self.bounds.verify:
@@ -301,15 +309,15 @@ class _HoldSearch:
         if not size:
             return False
         unit = {n: v / size for n, v in shape.items() if abs(v) > NEGLIGIBLE * size}
-        key = tuple(sorted((n, round(v, 9)) for n, v in unit.items()))
-        if key in self.tried:  # as every shape is, of a single actuator
-            return False
-        self.tried.add(key)
         as_it_is = False
         if equivalent_of(self.grasp).is_given and size < self.upper:  # more of it need not do better
             checks = self.checked(shape)
             if checks:
                 as_it_is, self.best = True, (dict(shape), checks)
+        key = tuple(sorted((n, round(v, 9)) for n, v in unit.items()))
+        if key in self.tried:  # as every shape is, of a single actuator
+            return as_it_is
+        self.tried.add(key)
         need = 0.0
         for k in self.order[:]:
             if self.late():
