@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from handfast.datasets.scene_source import SceneSource as SceneSource
     from handfast.geometry.contacts import contact_grasp as contact_grasp
     from handfast.geometry.contacts import find_contacts as find_contacts
-    from handfast.geometry.contacts import scene_contacts as scene_contacts
-    from handfast.geometry.contacts import scene_grasp as scene_grasp
     from handfast.geometry.scene import Scene as Scene
     from handfast.measures.measuring import measure as measure
     from handfast.measures.measuring import measure_columns as measure_columns
@@ -92,8 +90,6 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Scene": "geometry.scene",
-    "scene_contacts": "geometry.contacts",
-    "scene_grasp": "geometry.contacts",
     "servo_commands": "model.servo",
     "to_frame": "pictures.data_frames",
     "draw_map": "pictures.map_picture",

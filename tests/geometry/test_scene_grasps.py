@@ -14,8 +14,6 @@ from handfast import (
     load_body,
     load_configuration,
     load_hand,
-    scene_contacts,
-    scene_grasp,
 )
 from handfast.geometry.scene import checked_pose
 from handfast.readers.grasp_file import file_dict
@@ -31,8 +29,9 @@ def test_a_scene_gives_what_hand_and_object_give() -> None:
     old = contact_grasp(HAND, Q, FLASK, PLACED.pose, preload=PLACED.preload)
     for q in (Q, HAND.values(Q)):
         for pose in (PLACED.pose, PAIR, [list(x) for x in PAIR]):
-            assert len(scene_contacts(scene, q, pose)) == old.m  # type: ignore[arg-type]
-            assert file_dict(scene_grasp(scene, q, pose, preload=PLACED.preload)) == file_dict(old)  # type: ignore[arg-type]
+            assert len(find_contacts(HAND, q, FLASK, pose, scene=scene)) == old.m  # type: ignore[arg-type]
+            again = contact_grasp(HAND, q, FLASK, pose, preload=PLACED.preload, scene=scene)  # type: ignore[arg-type]
+            assert file_dict(again) == file_dict(old)
     assert len(find_contacts(HAND, HAND.values(Q), FLASK, PAIR)) == old.m
     assert old.provenance is not None
     assert (old.provenance.hand.path, old.provenance.object.path) == ("barrett-bh8-280", "flask")  # type: ignore[union-attr]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -271,26 +271,3 @@ def _mean(group: list[Contact]) -> Contact:
     normal = np.mean([c.normal for c in group], axis=0)
     position = np.mean([c.position for c in group], axis=0)
     return Contact(position, normal / np.linalg.norm(normal), lead.friction, lead.link, lead.depth, lead.torsion)
-
-
-def scene_contacts(
-    scene: Scene, q: Array | Mapping[str, float], object_pose: PoseLike, **options: Any
-) -> tuple[Contact, ...]:
-    """Where the hand of a scene touches its object, in the object frame: `find_contacts` without compiling again.
-
-    Args:
-        q: (l,) configuration, or values by joint name; the others follow `Hand.configuration`.
-        object_pose: of the object in the hand's base frame: (4, 4), or position (3,) [m] and quaternion (w, x, y, z).
-        options: those of `find_contacts`, and its errors.
-    """
-    return find_contacts(scene.hand, q, scene.body, object_pose, scene=scene, **options)
-
-
-def scene_grasp(scene: Scene, q: Array | Mapping[str, float], object_pose: PoseLike, **options: Any) -> Grasp:
-    """The grasp that the hand of a scene has on its object: `contact_grasp` without compiling again.
-
-    Args:
-        q: and object_pose as for `scene_contacts`.
-        options: those of `contact_grasp`, and its errors.
-    """
-    return contact_grasp(scene.hand, q, scene.body, object_pose, scene=scene, **options)
