@@ -67,6 +67,38 @@ def test_a_folder_moves_and_its_report_still_shows_hand_and_object(held: Path, t
     assert {m.kind for m in meshes} == {"object", "hand"}
 
 
+def test_grasps_move_without_their_hand(held: Path, tmp_path: Path) -> None:
+    """What is above the folder is found by its path; what is beside it as the configuration names it; no other file."""
+    grasp = load_grasp(held / "grasp.json")
+    planned = tmp_path / "planned"
+    for folder in (planned, tmp_path / "a" / "b"):
+        folder.mkdir(parents=True)
+    placed = planned / "placed.json"
+    placed.write_text(json.dumps(CLOSED))
+    save_grasp(grasp.from_configuration(placed), planned / "grasp.json")
+    said = json.loads((planned / "grasp.json").read_text())["provenance"]
+    assert said["hand"]["path"] == "../made/gripper.xml"
+
+    def hand(grasps: Path) -> str | None:
+        came = load_grasp(grasps / "grasp.json").provenance
+        assert came is not None
+        assert came.hand is not None
+        return None if came.hand.fault("hand") else came.hand.path
+
+    below = shutil.copytree(planned, tmp_path / "a" / "b" / "planned")
+    assert hand(below) == str(held / "gripper.xml")
+    (tmp_path / "a" / "made").mkdir()  # nearer, and another
+    (tmp_path / "a" / "made" / "gripper.xml").write_text("another")
+    assert hand(below) == str(held / "gripper.xml")
+    away = held.rename(tmp_path / "a" / "away")
+    assert hand(below) is None
+    for named in (str(away / "gripper.xml"), "../../away/gripper.xml"):
+        (below / "placed.json").write_text(json.dumps(CLOSED | {"hand": named}))
+        assert hand(below) == str(away / "gripper.xml")
+    (away / "gripper.xml").write_text("another")
+    assert hand(below) is None
+
+
 @pytest.mark.parametrize(
     "kind, name", [("hand", "gripper.xml"), ("object", "block.json"), ("configuration", "closed.json")]
 )

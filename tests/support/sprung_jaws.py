@@ -26,25 +26,26 @@ CUBE = """<robot name="cube"><link name="cube"><collision><geometry><box size=".
 </link></robot>"""
 
 
-def sprung_jaws(folder: Path, more: str = "", **made: Any) -> Grasp:
+def sprung_jaws(folder: Path, more: str = "", left: str = "left", **made: Any) -> Grasp:
     """Both jaws 20 mm in, friction 0.5, 2 N on each: springs of 50 N/m and 40 N/m press with 0.5 N and 1.2 N besides.
 
     Args:
         folder: for the files.
         more: elements of the hand's file.
+        left: name of the left jaw and its joint.
         made: arguments of `contact_grasp`.
     """
-    (folder / "jaws.xml").write_text(JAWS.format(more=more))
+    (folder / "jaws.xml").write_text(JAWS.format(more=more).replace("left", left))
     (folder / "cube.urdf").write_text(CUBE)
     placed = {
         "schema": "handfast/configuration/1",
-        "joints": {"left": 0.02, "right": -0.02},
-        "closing": {"left": 1, "right": -1},
+        "joints": {left: 0.02, "right": -0.02},
+        "closing": {left: 1, "right": -1},
     }
     (folder / "placed.json").write_text(json.dumps(placed))
     configuration = load_configuration(folder / "placed.json")
     hand, q = configuration.applied(load_hand(str(folder / "jaws.xml")))
-    preload = {"pull_left": 2.0, "pull_right": 2.0}
+    preload = {f"pull_{left}": 2.0, "pull_right": 2.0}
     grasp = contact_grasp(hand, q, load_body(str(folder / "cube.urdf")), np.eye(4), preload=preload, **made)
     assert grasp.provenance is not None
     return grasp.about(provenance=grasp.provenance.with_configuration(folder / "placed.json"))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -110,25 +112,49 @@ class Provenance(InFiles):
         found = (getattr(self, kind).fault(kind) for kind in KINDS)
         return [line for line in found if line]
 
-    def moved(self, change: Callable[[str], str]) -> Provenance:
-        """The same with every path changed; bundled names, and what is no file, stay."""
+    def relative_to(self, folder: str | Path) -> Provenance:
+        """With paths as they stand in a file in `folder`."""
+        at = Path(folder).resolve()
+        return self._changed(lambda kind, part, file, link: replace(part, path=relative_path(file, at) + link))
 
-        def one(kind: str) -> SourceFile | None:
+    def resolved_from(self, folder: str | Path) -> Provenance:
+        """With the paths of a file in `folder`, absolute.
+
+        The folder may have been moved alone. A file that is not where it should be is looked for below the folders
+        above, and where the configuration names it: taken is what has the checksum.
+        """
+        at = Path(folder).resolve()
+
+        def one(kind: str, part: SourceFile, file: str, link: str) -> SourceFile:
+            path = Path(os.path.normpath(at / file))
+            if not os.path.lexists(path):
+                inside = file.removeprefix("../" * file.count("../"))
+                others = [*(above / inside for above in at.parents), *self._named_by_configuration(at, kind)]
+                path = next((f for f in others if _is(f, kind, part.sha256)), path)
+            return replace(part, path=f"{path}{link}")
+
+        return self._changed(one)
+
+    def _named_by_configuration(self, folder: Path, kind: str) -> list[Path]:
+        """The file of a kind that the configuration file in a folder names, if it names one."""
+        if self.configuration:
+            with suppress(OSError, ValueError, AttributeError):  # it is gone, or broken: said where it is read
+                name = json.loads((folder / self.configuration.path).read_text("utf-8")).get(kind)
+                if isinstance(name, str):
+                    return [Path(os.path.normpath(folder / name.removesuffix(_part(name))))]
+        return []
+
+    def _changed(self, one: Callable[[str, SourceFile, str, str], SourceFile]) -> Provenance:
+        """Every part by its kind, path and the link after it; bundled names, and what is no file, stay."""
+
+        def changed(kind: str) -> SourceFile | None:
             part: SourceFile | None = getattr(self, kind)
             if part is None or part.sha256 is None or _bundled(part.path, kind):
                 return part
-            inside = _part(part.path)
-            return replace(part, path=change(part.path.removesuffix(inside)) + inside)
+            link = _part(part.path)
+            return one(kind, part, part.path.removesuffix(link), link)
 
-        return Provenance(**{kind: one(kind) for kind in KINDS})
-
-    def relative_to(self, folder: str | Path) -> Provenance:
-        """With paths as they stand in a file in `folder`."""
-        return self.moved(lambda path: relative_path(path, Path(folder).resolve()))
-
-    def resolved_from(self, folder: str | Path) -> Provenance:
-        """With the paths of a file in `folder`, absolute."""
-        return self.moved(lambda path: os.path.normpath(Path(folder).resolve() / path))
+        return Provenance(**{kind: changed(kind) for kind in KINDS})
 
 
 @lru_cache(maxsize=256)
@@ -148,6 +174,15 @@ def _file(source: str, kind: str) -> Path | None:
     file = _bundled(source, kind) or source.removesuffix(_part(source))
     there = os.path.isfile(file) or (kind == "object" and os.path.isdir(file))  # False, too, for what can be no name
     return Path(file) if there else None
+
+
+def _is(file: Path, kind: str, sha256: str | None) -> bool:
+    """Whether a file, or an object's folder, is there and has a checksum."""
+    if not (file.is_file() or (kind == "object" and file.is_dir())):
+        return False
+    with suppress(OSError, InputError):
+        return _digest(file) == sha256
+    return False
 
 
 def _digest(file: Path) -> str:

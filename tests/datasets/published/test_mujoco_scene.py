@@ -16,6 +16,7 @@ from handfast.model.grasp import Grasp
 from handfast.readers.configuration_file import load_parts
 from handfast.readers.grasp_file import from_dict, to_dict
 from tests.support.program import complains, run
+from tests.support.sprung_jaws import sprung_jaws
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -105,6 +106,21 @@ def test_motors_of_joints_alone_press_too() -> None:
     model = mujoco.MjModel.from_xml_string(scene_text(direct))
     assert model.actuator("finger_1_dist").forcerange == pytest.approx([-0.05, 0.05])
     assert model.neq == 0
+
+
+@pytest.mark.parametrize("left", ["lift", "object"])
+def test_names_of_the_scene_and_springs(left: str, tmp_path: Path) -> None:
+    """Links and joints may be called as parts of the scene are, as `world` is in published hands; springs are kept."""
+    grasp = sprung_jaws(tmp_path, left=left).about(mass=0.1)
+    parts = load_parts(grasp)
+    palm, *jaws = parts.hand.links
+    hand = replace(parts.hand, links=(replace(palm, name="world"), *jaws))
+    model = _Scene(replace(parts, hand=hand), grasp).spec().compile()
+    assert {model.body(n).name for n in range(model.nbody)} >= {"world", "object", "lift", "hand world", f"hand {left}"}
+    assert {model.joint(n).name for n in range(model.njnt)} == {"object", "lift", f"hand {left}", "right"}
+    springs = np.flatnonzero(model.tendon_stiffness)
+    assert model.tendon_stiffness[springs] == pytest.approx([50, 40])
+    assert model.tendon_lengthspring[springs] == pytest.approx(np.array([[0.03, 0.03], [-0.05, -0.05]]))
 
 
 def test_what_stands_firmest() -> None:

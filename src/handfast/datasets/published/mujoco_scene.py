@@ -54,6 +54,7 @@ _SIDES = [np.array(R, dtype=float) for R in (
     [[1, 0, 0], [0, -1, 0], [0, 0, -1]], [[1, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
 )]  # fmt: skip
 HAND, OBJECT, GROUND = 1, 2, 4  # bits of what collides
+TAKEN = {"world", "object", "lift", "ground"}  # names of the scene's own parts: the hand's are told apart from them
 
 
 def export_scenes(source: Path, target: Path, *, force: bool = False) -> list[Path]:
@@ -269,23 +270,24 @@ class _Scene:
             parent = made[link.parent] if link.parent >= 0 else mount
             place = link.pose if link.parent >= 0 else np.eye(4)
             body = parent.add_body(
-                name=link.name, pos=place[:3, 3].tolist(), quat=matrix_quaternion(place[:3, :3]).tolist(), gravcomp=1,
-                mass=MASS, ipos=[0, 0, 0], inertia=[1e-5] * 3, explicitinertial=1,
+                name=_named(link.name), pos=place[:3, 3].tolist(), quat=matrix_quaternion(place[:3, :3]).tolist(),
+                gravcomp=1, mass=MASS, ipos=[0, 0, 0], inertia=[1e-5] * 3, explicitinertial=1,
             )  # fmt: skip
             made.append(body)
             for j in link.joints:
                 joint = self.hand.joints[j]
                 turns = joint.type == "revolute"
                 body.add_joint(
-                    name=joint.name, axis=joint.axis.tolist(), pos=joint.anchor.tolist(), ref=joint.ref,
+                    name=_named(joint.name), axis=joint.axis.tolist(), pos=joint.anchor.tolist(), ref=joint.ref,
                     type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
                     range=[joint.lower, joint.upper], limited=bool(joint.lower < joint.upper),
                     armature=ARMATURE if turns else ARMATURE_SLIDE, damping=[0.01 if turns else 1.0, 0, 0],
                 )  # fmt: skip
             for n, shape in enumerate(link.shapes):
                 add_solid(
-                    spec, body, f"{link.name}/{n}", shape, **_touching(friction[link.name]), contype=HAND, conaffinity=0
-                )
+                    spec, body, f"{_named(link.name)}/{n}", shape,
+                    **_touching(friction[link.name]), contype=HAND, conaffinity=0,
+                )  # fmt: skip
 
     def _add_ties(self, spec: Any) -> None:
         """Couplings as they are at the grasp, whose clutches may have opened, joints that are locked, and springs."""
@@ -296,21 +298,22 @@ class _Scene:
         ties = [(int(np.flatnonzero(row)[0]), -1, 0.0) for row in self.drive.held]
         ties += [(c.joint, c.driver, c.ratio) for c in self.couplings]
         for joint, driver, ratio in ties:
-            tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=joints[joint].name)
+            tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=_named(joints[joint].name))
             if driver >= 0:
-                tie.name2 = joints[driver].name
+                tie.name2 = _named(joints[driver].name)
             tie.objtype = mujoco.mjtObj.mjOBJ_JOINT
             tie.data[:5] = [away[joint] - ratio * (away[driver] if driver >= 0 else 0.0), ratio, 0, 0, 0]
         resists = JointResistance.of(self.hand)
         for n, (law, row) in enumerate(zip(resists.laws, resists.rows, strict=True)):
             tendon = self._tendon(spec, f"resists {n}", row)
-            tendon.stiffness, tendon.springlength, tendon.frictionloss = law.stiffness, law.rest, law.friction
+            tendon.stiffness, tendon.springlength = [law.stiffness, 0, 0], law.rest
+            tendon.frictionloss = law.friction
 
     def _tendon(self, spec: Any, name: str, row: Array) -> Any:
         tendon = spec.add_tendon(name=name)
         for joint, weight in zip(self.hand.joint_names, row, strict=True):
             if weight:
-                tendon.wrap_joint(joint, float(weight))
+                tendon.wrap_joint(_named(joint), float(weight))
         return tendon
 
     def _add_servos(self, spec: Any) -> None:
@@ -328,13 +331,13 @@ class _Scene:
             tendon = self._tendon(spec, motor.tendon, motor.row)
             if motor.command:
                 tendon.damping = [DRAG * motor.command * TIMES["closed"] / motor.opening, 0, 0]
-                servo(motor.name, by_tendon, tendon.name, motor.gains, -motor.command, motor.command)
+                servo(_named(motor.name), by_tendon, tendon.name, motor.gains, -motor.command, motor.command)
                 if motor.holds:
                     servo(f"{motor.name} gearing", by_tendon, tendon.name, motor.gains, 0.0, STRONG)
             elif motor.moves:  # a tendon, which pulls alone
-                servo(motor.name, by_tendon, tendon.name, motor.gains, 0.0, STRONG)
+                servo(_named(motor.name), by_tendon, tendon.name, motor.gains, 0.0, STRONG)
             else:
-                servo(motor.name, by_tendon, tendon.name, motor.gains)
+                servo(_named(motor.name), by_tendon, tendon.name, motor.gains)
         servo("lift", mujoco.mjtTrn.mjTRN_JOINT, "lift", (2e4, 2e3))
 
     def _start(self) -> Array:
@@ -349,6 +352,11 @@ class _Scene:
         q = np.clip(q, *self.hand.limits.T)
         order = [j for link in self.hand.links for j in link.joints]
         return np.r_[self.at[:3, 3], matrix_quaternion(self.at[:3, :3]), 0.0, q[order]]
+
+
+def _named(name: str) -> str:
+    """The scene's name of a link, joint or motor of the hand."""
+    return f"hand {name}" if name in TAKEN else name
 
 
 def _touching(friction: float) -> dict[str, Any]:
