@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from handfast import load_body, load_hand
-from handfast.core.answer import Verdict
+from handfast.core.answer import Reach, Stop, Verdict
+from handfast.core.errors import InputError
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanLimits
+from handfast.planning.results.folder import PlanFolder
 from handfast.planning.results.plan import Plan
+from handfast.planning.search import RejectionReason
+from handfast.saved import verify
 from handfast.stability.problem.loads import Loads
 
 
@@ -106,3 +113,66 @@ def test_a_contact_off_the_object_is_found(planned: Plan) -> None:
     turned = one.pose.copy()
     turned[:3, :3] = turned[:3, :3] @ np.diag([-1.0, -1.0, 1.0])
     assert reason(planned, pose=turned)
+
+
+# --- how many contacts it takes -----------------------------------------------------------------------
+
+BARRETT = "barrett-bh8-280"
+
+
+def impossible(folder: Path, **changes: Any) -> Plan:
+    """A plan for what cannot be held by so few contacts, and its folder."""
+    body = load_body("can", friction=changes.pop("friction", None))
+    loads = changes.pop("loads", Loads.gravity(body))
+    made: PlanFolder = PlanFolder(folder, BARRETT, "can")
+    return plan(load_hand(BARRETT), body, loads=loads, journal=made, jobs=1, **changes)
+
+
+def test_what_so_few_contacts_cannot_hold_is_not_tried(tmp_path: Path) -> None:
+    found = impossible(tmp_path, friction=0.0, contacts=3)
+    assert (found.verdict, found.stop, found.tried, found.diagnosis) == (Reach.NONE, Stop.COMPLETE, 0, [])
+    assert found.fewest_contacts.startswith("1 to 3 contacts on its surface cannot hold")
+    assert found.verify().ok
+    done = verify(tmp_path)
+    assert done.ok, done.reason
+    assert any("1 to 3 contacts" in line for line in done.replayed)
+    four = plan(found.hand, found.body, contacts=4, attempts=2, jobs=1, give_up=1)
+    assert four.verdict is Verdict.UNDECIDED
+    assert four.fewest_contacts
+    limits = PlanLimits(force_limit=1.0)
+    assert impossible(tmp_path / "b", contacts=6, limits=limits).verdict is Reach.NONE
+    turned = impossible(tmp_path / "c", friction=0.0, loads=Loads.wrench([0, 0, 0, 0, 0, 0.1]))
+    assert turned.verdict is Reach.NONE
+    assert turned.fewest_contacts.startswith("no number of contacts")
+
+
+def test_it_has_to_be_the_question_of_the_plan(tmp_path: Path) -> None:
+    impossible(tmp_path, friction=0.0, contacts=3)
+    file = tmp_path / "contacts.json"
+    said = json.loads(file.read_text("utf-8"))
+    for changed in (
+        {"friction": 0.0, "loads": {**said["loads"], "gravity +x": [1.0, 0, 0, 0, 0, 0]}},
+        {"center_of_mass": [0, 0, 0.01]},
+        {"object": "ball"},
+        {"solids": [{"kind": "sphere", "size": [0.04]}]},
+        {"contacts": 7},
+    ):
+        file.write_text(json.dumps(said | changed), "utf-8")
+        assert not verify(tmp_path).ok, changed
+    file.write_text(json.dumps(said), "utf-8")
+    assert verify(tmp_path).ok
+    entry = json.loads((tmp_path / "plan.json").read_text("utf-8"))
+    (tmp_path / "plan.json").write_text(json.dumps(entry | {"contacts_file": "../contacts.json"}), "utf-8")
+    with pytest.raises(InputError, match="a file of the folder is needed"):
+        verify(tmp_path)
+
+
+def test_grasps_have_no_more_contacts_than_allowed() -> None:
+    hand, body = load_hand(BARRETT), load_body("ball")
+    any_number = plan(hand, body, attempts=12, count=12, seed=1, jobs=1)
+    most = min(g.grasp.m for g in any_number.grasps)
+    found = plan(hand, body, attempts=12, count=12, seed=1, jobs=1, contacts=most)
+    assert {g.index for g in found.grasps} == {g.index for g in any_number.grasps if g.grasp.m <= most}
+    assert found.tally[RejectionReason.MANY] >= len(any_number.grasps) - len(found.grasps)
+    with pytest.raises(InputError, match="positive"):
+        plan(hand, body, contacts=0)

@@ -15,7 +15,7 @@ from handfast.cli.console import table
 from handfast.cli.grasp import overlaps_text, starts_text, tally_rows
 from handfast.cli.load_options import SceneOptions, SearchFlags, axis_vector
 from handfast.cli.options import Assignments, Command, Triple, closing_senses
-from handfast.core.answer import Stop
+from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.pictures import words
@@ -48,6 +48,8 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
     """seconds after which what was found is returned"""
     attempts: Annotated[int, arg(metavar="N")] = 100_000
     """largest number of starts"""
+    contacts: Annotated[int | None, arg(metavar="N")] = None
+    """grasps of at most N contacts"""
     pool: Annotated[int | None, arg(metavar="N")] = None
     """gather so many grasps, then keep those that differ most"""
     approach: Triple = ()
@@ -154,6 +156,11 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
 
     def _show(self, planned: Plan) -> None:
         out = console.out()
+        if planned.verdict is Reach.NONE:
+            out.print(f"NONE  Of {planned.body.name}, {planned.fewest_contacts}. Proved in {planned.seconds:.1f} s.")
+            out.print(f"Asked to hold: {words.times_text(self.safety)}{', '.join(planned.loads.names)}", soft_wrap=True)
+            console.say_written(out, self.output)
+            return
         found = f"{planned.body.name}: {words.count(len(planned.grasps), 'grasp')}"
         first = "" if planned.first is None else f", the first after {planned.first:.1f} s"
         asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
@@ -187,6 +194,8 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         columns = 3 if worst else 2
         about = "what became of the starts", "", "overlapped most often"
         out.print(table(about[:columns], [row[:columns] for row in became]))
+        if planned.fewest_contacts:
+            out.print(f"Shown: of {planned.body.name}, {planned.fewest_contacts}.", soft_wrap=True)
         for sentence in planned.diagnosis:
             out.print(sentence, soft_wrap=True)
         console.say_written(out, self.output, self.report if planned.grasps else None)

@@ -165,7 +165,8 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
     if data.get("query") == "plan":
         made = data.get("scene", {})
         given = f"friction {num(made['friction'])}; joint laws: {made['joint_laws']}" if made else ""
-        out.print(f"\n{_opening(proved)} each grasp holds {', '.join(data['loads'])}", soft_wrap=True)
+        said = "each grasp holds" if data["grasps"] else f"of the object, {data.get('fewest_contacts')}; asked are"
+        out.print(f"\n{_opening(proved)} {said} {', '.join(data['loads'])}", soft_wrap=True)
         out.print(given, style="dim", soft_wrap=True)
         return
     if "task" in data:

@@ -39,6 +39,7 @@ def plan(
     touches with two fingers or more (or one and the palm), overlaps nowhere by more than 1 mm and passes
     `hold` for the loads is kept, unless it is like one that was kept (see `ranking.difference`). Attempts
     are numbered: the same seed gives the same grasps whatever the number of cores, as far as the time goes.
+    Where it is shown that so few contacts as allowed cannot hold, wherever on the surface they are, nothing is tried.
     The best come first: see `ranking.best_first`. A heuristic: what it does not find may exist.
 
     Args:
@@ -88,6 +89,10 @@ def plan(
         for (k, _), g in zip(bare, found, strict=False):  # fewer where the time is up
             gathered.kept[k] = g
 
+    if asked.impossible:
+        answer = so_far(Stop.COMPLETE, [])
+        journal.close(answer)
+        return answer
     end, stop = np.inf if o.timeout is None else begin + o.timeout, Stop.NODES
     try:
         with workers_of(Runner(asked, end), jobs, scheduler) as workers:

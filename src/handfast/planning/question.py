@@ -132,6 +132,7 @@ class PlanOptions(SearchOptions):
 
     Attributes:
         attempts: largest number of random starts.
+        contacts: grasps of at most so many contacts; None for any number.
         pool: gather so many that differ, then return the `count` that differ most from each other, the best among them.
         sampling: how the starts are drawn.
         give_up: the search ends after so many attempts of which none came through the filters, or after three tenths
@@ -144,6 +145,7 @@ class PlanOptions(SearchOptions):
     count: int = 20
     timeout: float | None = 300.0
     attempts: int = 100_000
+    contacts: int | None = None
     pool: int | None = None
     sampling: Sampling = STANDARD
     give_up: int = GIVE_UP
@@ -152,7 +154,9 @@ class PlanOptions(SearchOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        refuse_no_positive({"attempts": self.attempts, "pool": self.pool, "give_up": self.give_up})
+        refuse_no_positive(
+            {"attempts": self.attempts, "contacts": self.contacts, "pool": self.pool, "give_up": self.give_up}
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -33,6 +33,7 @@ class RejectionReason(StrEnum):
     BLOCKED = "collides with support or obstacles, there or on a straight way in or out"
     MISSES = "would miss, as a few steps of closing show (heuristic)"
     FEW = "touches with fewer than two fingers or a finger and the palm"
+    MANY = "touches at more points than allowed"
     PENETRATES = "penetrates by more than 1 mm"
     STRONG = "needs larger commands than allowed"
     SIMULATED = "lets go in the dynamics engine"
@@ -171,6 +172,7 @@ FILTERED = (
     RejectionReason.FOLDED,
     RejectionReason.MISSES,
     RejectionReason.FEW,
+    RejectionReason.MANY,
     RejectionReason.PENETRATES,
     RejectionReason.UNBALANCED,
     RejectionReason.BLOCKED,

@@ -8,7 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs import answers, certificate, checker, grasps, holds, path_steps, strict_json, synthesis
+from handfast.proofs import (
+    answers,
+    certificate,
+    checker,
+    few_contacts,
+    grasps,
+    holds,
+    path_steps,
+    strict_json,
+    synthesis,
+)
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.replay import Replay
 
@@ -63,11 +73,13 @@ READERS: dict[str, Callable[[Any, str], Replay]] = {
     holds.SCHEMA: lambda data, place: holds.replay(holds.read_hold(data, place)),
     synthesis.SCHEMA: lambda data, place: synthesis.replay(data),
     grasps.SCHEMA: grasps.replay_grasps,
+    few_contacts.SCHEMA: few_contacts.replay,
 }
 
 
 def verify_path(path: str | Path) -> Replay:
-    """The same of a file, or of the folder of a plan: every grasp that `plan.json` names.
+    """The same of a file, or of the folder of a plan: every grasp that `plan.json` names, and how many contacts it
+    takes at least.
 
     Raises:
         BadFile: nothing is there, it cannot be read, or is not what can be verified.
@@ -81,13 +93,15 @@ def verify_path(path: str | Path) -> Replay:
         return verify(read_json(path))
     plan = Fields(read_json(path / PLAN, PLAN), PLAN)
     entries = [*plan.objects("grasps", []), *plan.objects("others", [])]
-    if not entries:
+    named = [(entry, "hold_file") for entry in entries]
+    named += [(plan, "contacts_file")] if plan.has("contacts_file") else []
+    if not named:
         raise BadFile("names no grasps", plan.at("grasps"))
     parts = []
-    for entry in entries:
-        name = entry.text("hold_file")
+    for entry, key in named:
+        name = entry.text(key)
         if Path(name).name != name:
-            raise BadFile(f"is {name!r}; a file of the folder is needed", entry.at("hold_file"))
+            raise BadFile(f"is {name!r}; a file of the folder is needed", entry.at(key))
         parts.append(Replay(name, parts=(verify(read_json(path / name, name), name),)))
     return Replay("plan", parts=tuple(parts), not_replayed=(OF_PLAN,))
 

@@ -24,11 +24,12 @@ from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.closing import Closed, close
 from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedContacts, spanning
 from handfast.planning.evaluation.quality import GraspQuality, quality, with_margins
-from handfast.planning.filters.balance import balances
+from handfast.planning.filters.balance import balances, held_by_contacts
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
 from handfast.planning.filters.surroundings import CLEAR, Way, WayFinder
 from handfast.planning.question import PlanOptions, fingerprint
 from handfast.planning.search import FILTERED, Overlap, RejectionReason, Tally, UnitResult, of_verdict
+from handfast.proofs.few_contacts import Fewest, Held
 from handfast.simulation.bodies import Bodies
 from handfast.simulation.result import Ending
 from handfast.simulation.simulate import simulate_bodies
@@ -105,12 +106,28 @@ class Attempts:
         """Where the hand grasps and which way it approaches."""
         return palm_of(self.hand, self.options.sampling.approach)
 
+    @cached_property
+    def held(self) -> Held:
+        """The object and what is to be held, for what it takes whatever the hand."""
+        limit = self.options.limits.force_limit
+        return held_by_contacts(self.body, self.loads, np.inf if limit is None else limit)
+
+    @cached_property
+    def fewest(self) -> Fewest:
+        """How many contacts it takes at least."""
+        return self.held.fewest()
+
+    @property
+    def impossible(self) -> bool:
+        """Is it shown that no grasp of as many contacts as allowed holds?"""
+        return self.fewest.most >= (np.inf if self.options.contacts is None else self.options.contacts)
+
     @property
     def question(self) -> str:
         """The fingerprint of all this."""
         o = self.options
         others = vars(o.limits) | {"palm": self.palm, "sampling": o.sampling}
-        others |= {name: getattr(o, name) for name in ("ignored", "simulate") if getattr(o, name)}
+        others |= {name: getattr(o, name) for name in ("ignored", "simulate", "contacts") if getattr(o, name)}
         others |= {"surroundings": o.surroundings.numbers} if o.surroundings else {}
         return fingerprint(self.hand, self.body, self.loads, o.seed, **others)
 
@@ -195,7 +212,9 @@ class Runner:
         if max(inside, deep.itself) > PENETRATION:
             return _overlap(deep, RejectionReason.PENETRATES, RejectionReason.PENETRATES)
         grasp = self._grasp(closed, pose, spanning(closed.contacts))
-        if not balances(grasp, a.loads.wrenches):
+        if grasp.m > (a.options.contacts or np.inf):
+            return RejectionReason.MANY, None
+        if grasp.m <= a.fewest.most or not balances(grasp, a.loads.wrenches):
             return RejectionReason.UNBALANCED, None
         way = self.ways.way(start.q, closed.q, pose, start.approach) if self.ways else None
         if self.ways and not way:

@@ -10,7 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.model.body import Body
 from handfast.model.grasp import Grasp
+from handfast.proofs.few_contacts import Held
+from handfast.proofs.solids import Solid
+from handfast.stability.problem.loads import Loads
 
 EDGES = 8  # of the pyramid in each friction cone
 BALANCED = 1e-6  # share of a wrench below which it counts as balanced
@@ -81,6 +85,23 @@ def _edges(grasp: Grasp, friction: float) -> tuple[Array, Array]:
     G = (scale[:, None] * grasp.G).reshape(6, -1, 3)
     A = np.einsum("wmi,mie->wme", G, scaled).reshape(6, -1)
     return A / np.linalg.norm(A, axis=0), scale
+
+
+def held_by_contacts(body: Body, loads: Loads, force_limit: float = np.inf, friction: float | None = None) -> Held:
+    """An object and loads, to ask how many contacts on its surface they take at least: `Held.fewest`.
+
+    Args:
+        force_limit: [N] largest normal force at a contact. friction: coefficient; None for the object's.
+    """
+    none = np.zeros((0, 3))
+    solids = [
+        Solid("mesh", (), np.eye(4), *s.triangles())
+        if s.kind in ("box", "mesh")
+        else Solid(s.kind, s.size, s.pose, none, none.astype(np.int64))
+        for s in body.pieces
+    ]
+    center, mu = np.asarray(body.center_of_mass, dtype=float), body.friction if friction is None else friction
+    return Held(tuple(solids), center, loads.wrenches, mu, force_limit)
 
 
 # --- squeezes ---------------------------------------------------------------------------------------

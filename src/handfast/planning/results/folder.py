@@ -31,7 +31,7 @@ from handfast.readers.grasp_file import load_grasp, save_grasp
 from handfast.synthesis.task import Task
 
 PAUSE = 2.0  # [s] between two notes of how far a search has come, where nothing was found
-PLAN, SEARCH, GRASPS = "plan.json", "search.json", "grasps.json"
+PLAN, SEARCH, GRASPS, CONTACTS = "plan.json", "search.json", "grasps.json", "contacts.json"
 PLAN_FILES = {  # of a planned grasp, by their keys in `plan.json`
     "configuration_file": "{:03d}.configuration.json",
     "grasp_file": "{:03d}.grasp.json",
@@ -128,7 +128,8 @@ class GraspFolder(SearchFolder[Grasps]):
 
 class PlanFolder(SearchFolder[Plan]):
     """What `plan` finds: three files a grasp, numbered in the order in which they were found (its configuration, the
-    grasp, what backs that it holds), and `plan.json`, which names them.
+    grasp, what backs that it holds), and `plan.json`, which names them. `contacts.json` backs how many contacts it
+    takes.
 
     Args:
         hand, object: names or paths, as they are to stand in the files.
@@ -167,6 +168,10 @@ class PlanFolder(SearchFolder[Plan]):
             g.held.save(held, force=True)
         scene = self.scene | {"friction": state.body.friction, "scale": state.body.scale}
         self.answer = state.to_json() | {"scene": scene}
+        if state.fewest_contacts:
+            said = state.contacts_json() | {"object": self.named["object"]}
+            write_text(self.path / CONTACTS, json.dumps(said) + "\n", force=True)
+            self.answer |= {"contacts_file": CONTACTS}
         for entry in (*self.answer["grasps"], *self.answer["others"]):
             entry |= {key: name.format(number[entry["attempt"]]) for key, name in PLAN_FILES.items()}
         write_text(self.source, json.dumps(self.answer, indent=1) + "\n", force=True)

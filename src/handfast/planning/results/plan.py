@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from handfast.core.answer import Stop, Verdict, header
+from handfast.core.answer import Reach, Stop, Verdict, header
 from handfast.core.files import Strict
 from handfast.core.presented import Presented
 from handfast.geometry.scene import Scene
@@ -19,6 +19,7 @@ from handfast.planning.evaluation.quality import largest_command
 from handfast.planning.filters.surroundings import Way
 from handfast.planning.results.verify import verify_planned
 from handfast.planning.search import OverlapEntry, Tally, diagnosis
+from handfast.proofs import few_contacts
 from handfast.proofs.replay import Replay
 from handfast.stability.problem.loads import Loads
 
@@ -112,14 +113,29 @@ class Plan(Presented):
         return [g.index for g in self.found].index(grasp.index)
 
     @property
-    def verdict(self) -> Verdict:
-        """HOLDS if as many were found as asked for, else UNDECIDED: others may exist."""
-        return Verdict.HOLDS if len(self.grasps) >= self.count else Verdict.UNDECIDED
+    def verdict(self) -> Verdict | Reach:
+        """HOLDS if as many were found as asked for, NONE if so few contacts cannot hold, else UNDECIDED: others may
+        exist.
+        """
+        if len(self.grasps) >= self.count:
+            return Verdict.HOLDS
+        return Reach.NONE if self.asked.impossible else Verdict.UNDECIDED
+
+    @property
+    def fewest_contacts(self) -> str:
+        """In words, how many contacts it takes at least; "" if one or two may do, and that is what was asked."""
+        fewest = self.asked.fewest
+        return few_contacts.words(fewest) if self.asked.impossible or fewest.most > 1 else ""
+
+    def contacts_json(self) -> dict[str, Any]:
+        """What `handfast verify` takes of that."""
+        held, names = self.asked.held, self.loads.names
+        return few_contacts.to_json(held, names, self.body.source or self.body.name, self.asked.fewest)
 
     @property
     def diagnosis(self) -> list[str]:
         """What rejected most of the attempts, and what may help, if nothing was found."""
-        return [] if self.grasps else diagnosis(self.tally, self.hand)
+        return [] if self.grasps or self.asked.impossible else diagnosis(self.tally, self.hand)
 
     @property
     def nodes(self) -> int:
@@ -127,9 +143,13 @@ class Plan(Presented):
         return sum(g.answer.nodes for g in self.grasps)
 
     def verify(self) -> Replay:
-        """Every grasp again: joints, mechanism and contacts of the hand, and each load's witness under its preload."""
+        """Every grasp again: joints, mechanism and contacts of the hand, and each load's witness under its preload.
+
+        And how many contacts it takes at least.
+        """
         scene = Scene(self.hand, self.body, self.asked.options.ignored)
-        parts = (replace(verify_planned(self.asked, scene, g), name=f"grasp {self.number(g)}") for g in self.found)
+        parts = [replace(verify_planned(self.asked, scene, g), name=f"grasp {self.number(g)}") for g in self.found]
+        parts += [few_contacts.replay(self.contacts_json())] if self.fewest_contacts else []
         return Replay("plan", parts=tuple(parts), not_replayed=STARTS)
 
     def to_json(self) -> dict[str, Any]:
@@ -144,6 +164,7 @@ class Plan(Presented):
             "fates": self.tally.to_json("kept", REASONS),
             "overlaps": self.tally.overlaps_json(),
             "diagnosis": self.diagnosis,
+            "fewest_contacts": self.fewest_contacts or None,
             "question": self.question,
             "grasps": [_entry(g) for g in self.grasps],
             "others": [_entry(g) for g in self.others],

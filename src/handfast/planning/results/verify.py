@@ -24,10 +24,12 @@ from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.attempt import PENETRATION, Attempts, PlannedGrasp
 from handfast.planning.evaluation.evaluator import Derived, contacts_at, grasp_at
 from handfast.planning.evaluation.preload_search import PreloadSearch
+from handfast.planning.filters.balance import held_by_contacts
 from handfast.planning.question import Requirements
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
-from handfast.proofs import grasps
+from handfast.proofs import few_contacts, grasps
+from handfast.proofs.few_contacts import Fewest
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
@@ -42,6 +44,7 @@ LONG = 60  # characters of a value that are shown
 SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
 
 FOLLOWS = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
+OF_OBJECT = "loads, friction, solids and centre of mass are those of the plan and of the object's file"
 OF_HAND = "contacts, joints and mechanism are those of the hand on the object"
 CLOSE = 1e-6  # [m] a contact lies as near to one that is measured
 NOT_REPLAYED = ("that links overlap no deeper than said: measured on convex pieces, like the contacts",)
@@ -192,7 +195,19 @@ def measured_plan(folder: Path) -> Replay:
         times = None if proved is None else plan.get("safety", 1.0) * proved
         wrong = wrong or ("margin" in entry and difference(times, entry["margin"], "margin")) or ""
         parts.append(Replay(entry["grasp_file"], OF_HAND, wrong or _hand_fault(scene, q, place.pose, grasp)))
+    if plan.get("contacts_file"):
+        parts.append(Replay(plan["contacts_file"], OF_OBJECT, _contacts_fault(folder, plan, made)))
     return Replay("geometry", parts=tuple(parts), not_replayed=NOT_REPLAYED)
+
+
+def _contacts_fault(folder: Path, plan: dict[str, Any], made: SceneEntry) -> str:
+    """What of the question how many contacts it takes is not that of the plan and of its object; '' if nothing."""
+    said = read_json(folder / plan["contacts_file"], few_contacts.SCHEMA)
+    loads = Loads(tuple(plan["loads"]), np.array(list(plan["loads"].values())).reshape(-1, 6))
+    body, limit = load_body(said["object"], friction=made.friction, scale=made.scale), said.get("force_limit")
+    held = held_by_contacts(body, loads, np.inf if limit is None else limit)
+    due = few_contacts.to_json(held, loads.names, said["object"], Fewest(said.get("contacts"), said.get("reason", "")))
+    return difference(dict(due), said, plan["contacts_file"])
 
 
 def _planned_fault(asked: Attempts, scene: Scene, found: PlannedGrasp) -> str:

@@ -1,0 +1,307 @@
+"""Shows that few contacts cannot hold an object, wherever on its surface they are: nothing of a search.
+
+Forces f_i in friction cones, and if normal forces are limited within these, have to balance each of some loads alone.
+Four reasons, each for all numbers of contacts below one:
+
+- *opposed*: if forces balance w, and others -w, their sums balance nothing. Without friction the wrenches of n contacts
+  that hold loads of both signs that span d dimensions span these by positive combinations: n > d. With friction it
+  takes two contacts: forces in one cone add up to 0 only if they are 0.
+- *line*: two contacts and weights of both signs in three directions. Their sums h and -h have no moment, so h is along
+  the line between the contacts, and the weights, which have none about that line, act at a point of it. So both
+  contacts are on a line through the centre of mass, one normal within the friction angle of a direction along it, the
+  other of the opposite one. The surface is cut into parts (`solids`) until no two of them allow that.
+- *force*: a contact with a normal force up to f pushes in direction d with no more than f (n.d + mu sqrt(1 - (n.d)^2)).
+  What all loads ask for together is no more than the largest sum of that over all normals n, times the contacts. And
+  torques about the centre of mass are at most f sqrt(1 + mu^2) times the distance of the farthest point, from each.
+- *turning*: without friction, where all solids are round about one axis. Then turning about it moves no point of the
+  surface along its normal, and if a load has a torque about it, no number of contacts holds that.
+
+Angles and sums are compared with a margin of 1e-6 and more. That is far above their rounding, and above what a state
+that holds may miss (`tolerance`): forces that balance a load are no smaller than it, in its own scale, so that 1e-9 of
+it turns neither a force nor the line by more than a few 1e-9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
+from handfast.proofs.replay import Replay
+from handfast.proofs.solids import Solid, SurfaceParts, angle, hidden
+
+SCHEMA = "handfast/contacts/1"
+MARGIN = 1e-6  # [rad], or of a sum
+OPPOSITE = 1e-9  # of loads: these are one the other with the other sign
+PARTS, CUTS = 6000, 48  # of the surface that are looked at together, and how often each is halved, at most
+GRID = 200  # directions along each side of the six faces of a cube
+
+
+@dataclass(frozen=True)
+class Fewest:
+    """How many contacts a load needs at least.
+
+    Attributes:
+        contacts: no fewer hold; None: no number does. 1 if nothing is shown.
+        reason: opposed, line, force or turning; "" if nothing is shown.
+    """
+
+    contacts: int | None
+    reason: str = ""
+
+    @property
+    def most(self) -> float:
+        """The largest number that is shown not to hold."""
+        return np.inf if self.contacts is None else self.contacts - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What is to be held.
+
+    Attributes:
+        solids: the object. center: (3,) [m] its centre of mass.
+        loads: (k, 6) [N, N m] at the object's origin, each alone.
+        friction: coefficient at every contact. force_limit: [N] largest normal force at one; inf for none.
+    """
+
+    solids: tuple[Solid, ...]
+    center: Array
+    loads: Array
+    friction: float
+    force_limit: float = np.inf
+
+    def fewest(self) -> Fewest:
+        """The most that is shown by any reason."""
+        found = [Fewest(1), self._opposed(), self._force(), self._turning()]
+        best = max(found, key=lambda f: f.most)
+        if best.contacts == 2 and self._weighed() and self._no_line():
+            return Fewest(3, "line")
+        return best
+
+    @cached_property
+    def _reach(self) -> float:
+        """[m] from the centre of mass to the farthest point, at least."""
+        return max(s.reach(self.center) for s in self.solids)
+
+    def _torques(self, point: Array) -> Array:
+        """(k, 3) [N m] of the loads about a point."""
+        return self.loads[:, 3:] - np.cross(point, self.loads[:, :3])
+
+    # --- loads alone ---
+
+    def _both(self) -> Mask:
+        """(k,) loads that come with both signs."""
+        size = np.linalg.norm(self.loads, axis=1)
+        unit = self.loads / np.maximum(size, 1e-300)[:, None]
+        return (size > 0) & (np.linalg.norm(unit[:, None] + unit, axis=2) < OPPOSITE).any(axis=1)
+
+    def _opposed(self) -> Fewest:
+        both = self._both()
+        if not both.any():
+            return Fewest(1)
+        if self.friction:
+            return Fewest(2, "opposed")
+        rank = max(_rank(self.loads[both, :3]), _rank(self._torques(self.center)[both]))
+        return Fewest(1 + rank, "opposed")
+
+    def _weighed(self) -> bool:
+        """Are among the loads forces at the centre of mass of both signs that span all directions?"""
+        force, off = self.loads[:, :3], np.linalg.norm(self._torques(self.center), axis=1)
+        its = force[self._both() & (off <= OPPOSITE * self._reach * np.linalg.norm(force, axis=1))]
+        if len(its) < 6:
+            return False
+        return bool(np.linalg.svd(its / np.linalg.norm(its, axis=1, keepdims=True))[1][2] > 0.1)
+
+    def _force(self) -> Fewest:
+        if not np.isfinite(self.force_limit):
+            return Fewest(1)
+        force, torque = self.loads[:, :3], np.linalg.norm(self._torques(self.center), axis=1)
+        size, most = np.linalg.norm(force, axis=1), np.hypot(1.0, self.friction)
+        needed = max(size.max(), torque.max() / self._reach) / most, self._in_all_directions(force, size)
+        n = float(np.ceil(max(needed) / self.force_limit * (1 - MARGIN)))
+        return Fewest(int(min(n, 1e9)), "force") if n > 1 else Fewest(1)
+
+    def _in_all_directions(self, force: Array, size: Array) -> float:
+        """[N] what all loads ask for, over what one contact gives to all of them per newton of its normal force."""
+        steps = np.linspace(-1, 1, GRID)
+        u, v = (a.ravel() for a in np.meshgrid(steps, steps))
+        one = np.ones_like(u)
+        faces = [np.roll(np.stack([sign * one, u, v], axis=1), k, axis=1) for k in range(3) for sign in (1, -1)]
+        n = np.concatenate(faces)
+        along = (n / np.linalg.norm(n, axis=1, keepdims=True)) @ (force / np.maximum(size, 1e-300)[:, None]).T
+        along = np.clip(along, -1, 1)
+        gives = np.maximum(along + self.friction * np.sqrt(1 - along**2), 0.0)
+        between = 1.01 * np.sqrt(2) / (GRID - 1) * np.hypot(1.0, self.friction)  # by how much one may be missed
+        some = size > 0
+        return float(size.sum() / (gives[:, some].sum(axis=1).max() + between * some.sum())) if some.any() else 0.0
+
+    # --- the surface ---
+
+    def _turning(self) -> Fewest:
+        if self.friction or any(s.kind == "mesh" for s in self.solids):
+            return Fewest(1)
+        at = np.array([s.pose[:3, 3] for s in self.solids])
+        apart, torques = at - at[0], self._torques(at[0])
+        axes = [a for s in self.solids if (a := _axis(s)) is not None] + [a for a in apart if a.any()]
+        axis = axes[0] if axes else torques[np.linalg.norm(torques, axis=1).argmax()]  # of a ball any will do
+        # no rounding is let pass: without friction a push that is all but along a normal may be as strong as it likes
+        round_ = all(_ball(s) or _axis(s) is not None for s in self.solids)
+        round_ = round_ and not any(np.cross(a, axis).any() for a in axes)
+        reach = max(s.reach(at[0]) for s in self.solids)
+        size = np.linalg.norm(self.loads[:, :3], axis=1) * reach + np.linalg.norm(torques, axis=1)
+        turned = np.abs(torques @ axis) > MARGIN * size * np.linalg.norm(axis)
+        return Fewest(None, "turning") if round_ and turned.any() else Fewest(1)
+
+    def _no_line(self) -> bool:
+        """Is there no line through the centre of mass along which two contacts can push against each other?"""
+        own = [s.parts() for s in self.solids]
+        if not self.friction or any(p is None for p in own):
+            return False
+        parts = SurfaceParts.joined([replace(p, solid=p.solid + k) for k, p in enumerate(own) if p is not None])
+        for _ in range(CUTS):
+            parts = parts[self._against(parts)]
+            parts = parts[~hidden(parts, self.solids)]
+            if 0 < len(parts) <= PARTS:
+                parts = parts[_meets(*self._lines(parts))]
+            if not 0 < len(parts) <= PARTS:
+                break
+            parts = parts.halves(self.center)
+        return not len(parts)
+
+    def _seen(self, parts: SurfaceParts) -> tuple[Array, Array, Array, Array, Array]:
+        """From the centre of mass: ways (N, 3) to the parts, angles (N,) within which these are, and such as a force
+        pushes, inwards, and (N, 2) by how much a force can miss the way outwards and the way back."""
+        middle, reach = parts.balls()
+        way = middle - self.center
+        far = np.linalg.norm(way, axis=1)
+        within = np.where(reach < far, np.arcsin(np.minimum(reach / np.maximum(far, 1e-300), 1.0)), np.pi) + MARGIN
+        axis, half = parts.cones()
+        pushed = np.minimum(half + np.arctan(self.friction) + MARGIN, np.pi)
+        miss = np.stack([angle(sign * way, -axis) for sign in (1, -1)], axis=1) - (within + pushed)[:, None]
+        return way / np.maximum(far, 1e-300)[:, None], within, -axis, pushed, miss
+
+    def _against(self, parts: SurfaceParts) -> Mask:
+        """(N,) can a force there point to the centre of mass, or away from it?"""
+        return np.asarray((self._seen(parts)[4] <= 0).any(axis=1))
+
+    def _lines(self, parts: SurfaceParts) -> tuple[Array, Array, Integers]:
+        """Cones (M,) of the directions that forces along lines through the centre of mass can have: unit axes, half the
+        angles [rad]; and which of the parts each is of."""
+        way, within, push, pushed, miss = self._seen(parts)
+        out = []
+        for sign, off in ((1, miss[:, 0]), (-1, miss[:, 1])):
+            its = np.flatnonzero(off <= 0)
+            by_way = (within < pushed)[its, None]
+            half = np.minimum(within, pushed)[its]
+            out.append((np.where(by_way, sign * way[its], push[its]), half, its))
+        axes, halves, owners = (np.concatenate(a) for a in zip(*out, strict=True))
+        return axes, halves, owners.astype(np.int64)
+
+
+def _meets(axis: Array, half: Array, owner: Integers) -> Mask:
+    """(N,) parts with a cone that another part's, or their own, meets on the other side of the centre of mass."""
+    out = np.zeros(owner.max() + 1, dtype=bool)
+    wide = half >= np.pi / 2
+    out[owner] = wide.any()
+    c, s = np.cos(half), np.sin(half)
+    for k in range(0, len(axis), 256):
+        some = slice(k, k + 256)
+        near = -axis[some] @ axis.T >= c[some, None] * c - s[some, None] * s
+        out[owner[some][near.any(axis=1)]] = True
+    return out
+
+
+def _rank(a: Array) -> int:
+    return int(np.linalg.matrix_rank(a, tol=1e-6 * float(np.abs(a).max(initial=0.0))))
+
+
+def _ball(s: Solid) -> bool:
+    return s.kind == "sphere" or (s.kind == "ellipsoid" and len(set(s.size)) == 1)
+
+
+def _axis(s: Solid) -> Array | None:
+    """(3,) about which a solid is round; None of a ball and of what is not."""
+    if s.kind in ("capsule", "cylinder"):
+        return np.asarray(s.pose[:3, 2])
+    if s.kind == "ellipsoid" and not _ball(s):
+        alone = [k for k in range(3) if s.size[k - 1] == s.size[k - 2]]
+        return np.asarray(s.pose[:3, alone[0]]) if alone else None
+    return None
+
+
+# --- files ------------------------------------------------------------------------------------------
+
+WHY = {
+    "opposed": "loads of both signs need more contacts than the directions that these span",
+    "line": "two contacts hold a weight from every side only along a line through the centre of mass that is within "
+    "both friction cones, and there is no such line",
+    "force": "the normal forces that are allowed do not add up to the loads",
+    "turning": "the object is round about an axis and there is no friction, so that it turns",
+}
+
+
+def words(fewest: Fewest) -> str:
+    """What is shown of an object, in one sentence without a full stop."""
+    why = f": {WHY[fewest.reason]}" if fewest.reason else ""
+    if fewest.contacts is None:
+        return f"no number of contacts on its surface can hold{why}"
+    most = fewest.contacts - 1
+    few = "1 contact" if most == 1 else f"{'1 or 2' if most == 2 else f'1 to {most}'} contacts"
+    return f"{few} on its surface cannot hold{why}"
+
+
+def read_held(f: Fields) -> tuple[Held, tuple[str, ...]]:
+    """What a file asks, and the names of the loads."""
+    solids = tuple(Solid.read(s) for s in f.objects("solids"))
+    loads = f.object("loads")
+    named = {name: loads.numbers(name, (6,)) for name in loads.names()}
+    limit = f.number("force_limit", least=0.0) if f.has("force_limit") else np.inf
+    for name, some in (("solids", solids), ("loads", named)):
+        if not some:
+            raise BadFile("is empty; at least one is needed", f.at(name))
+    center, friction = f.numbers("center_of_mass", (3,)), f.number("friction", least=0.0)
+    wrenches = np.array(list(named.values())).reshape(-1, 6)
+    return Held(solids, center, wrenches, friction, limit), tuple(named)
+
+
+def replay(data: Any, place: str = "") -> Replay:
+    """The claim of a parsed file. Raises `BadFile`."""
+    f = Fields(data, place)
+    f.text("schema", among=[SCHEMA])
+    for name in ("object", "reason"):
+        f.text(name)
+    held, names = read_held(f)
+    contacts = f.whole("contacts", least=1) if f.has("contacts") else None
+    f.done()
+    found = held.fewest()
+    limit = f" and normal forces up to {held.force_limit:g} N" if np.isfinite(held.force_limit) else ""
+    shown = found.contacts is None or (contacts is not None and contacts <= found.contacts)
+    said = words(Fewest(contacts, found.reason)) if shown else words(Fewest(contacts))
+    claim = f"with a friction of {held.friction:g}{limit}, of {', '.join(names)}: {said}"
+    refused = "" if shown else f"shown is only that {words(found)}"
+    return Replay("contacts", claim, refused, {"contacts": found.contacts})
+
+
+def to_json(held: Held, names: Sequence[str], thing: str, fewest: Fewest) -> dict[str, Any]:
+    """For files, as `replay` reads it."""
+    solids = [
+        {"kind": s.kind, "size": list(s.size), "pose": s.pose.tolist()}
+        | ({"vertices": s.vertices.tolist(), "faces": s.faces.tolist()} if s.kind == "mesh" else {})
+        for s in held.solids
+    ]
+    return {
+        "schema": SCHEMA,
+        "object": thing,
+        "contacts": fewest.contacts,
+        "reason": fewest.reason,
+        "friction": held.friction,
+        "force_limit": held.force_limit if np.isfinite(held.force_limit) else None,
+        "center_of_mass": held.center.tolist(),
+        "loads": {name: w.tolist() for name, w in zip(names, held.loads, strict=True)},
+        "solids": solids,
+    }

@@ -1,0 +1,272 @@
+"""The surface of an object of convex solids, cut into parts: where contacts can be, with which normals.
+
+At a face the normal is the face's; at an edge or a corner it may be any between those of the faces that meet there. A
+part is a triangle of points together with a triangle of normals, either of which may be a line or a point, and holds
+at least what there is of the surface. Of solids that are round, points are p = q + radius n, with q of the triangle.
+A point of one solid that another one touches is on the surface with those normals only along which that one does not
+reach beyond it: so nothing is within another solid, or where two meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
+
+SIZES = {"mesh": 0, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
+SAME = 1e-7  # [rad] normals that differ by less are one
+WIDE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
+TOUCH, BEYOND = 1e-5, 2e-5  # [m] solids that are this near touch; one that goes so far beyond a point covers it
+FLAT = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
+BATCH = 512  # parts that are looked at together
+AROUND = 180  # parts of a rim
+FINER = 5  # times that the eighths of an ellipsoid are quartered
+EIGHTHS = np.array([[[i, 0, 0], [0, j, 0], [0, 0, k]] for i in (1, -1) for j in (1, -1) for k in (1, -1)], dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceParts:
+    """N parts of a surface.
+
+    Attributes:
+        points: (N, 3, 3) [m] corners of a triangle. normals: (N, 3, 3) outward unit vectors, of which the normals are
+            positive combinations.
+        radius: (N,) [m] from the points outwards along the normal. slack: (N,) [m] how far beyond that points may be.
+        solid: (N,) which it is of.
+    """
+
+    points: Array
+    normals: Array
+    radius: Array
+    slack: Array
+    solid: Integers
+
+    @classmethod
+    def of(cls, points: Array, normals: Array, radius: float = 0.0, slack: float = 0.0) -> SurfaceParts:
+        """Of one solid."""
+        n = len(points)
+        return cls(points, normals, np.full(n, radius), np.full(n, slack), np.zeros(n, dtype=np.int64))
+
+    @classmethod
+    def joined(cls, parts: Sequence[SurfaceParts]) -> SurfaceParts:
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__dataclass_fields__))
+
+    def __getitem__(self, key: Any) -> SurfaceParts:
+        return SurfaceParts(*(getattr(self, name)[key] for name in self.__dataclass_fields__))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def cones(self) -> tuple[Array, Array]:
+        """Unit axes (N, 3) and half the angles (N,) [rad] of cones that hold the normals; pi where they are wide."""
+        total = self.normals.sum(axis=1)
+        length = np.linalg.norm(total, axis=1)
+        axis = total / np.maximum(length, 1e-300)[:, None]
+        half = angle(self.normals, axis[:, None]).max(axis=1) + SAME
+        return axis, np.where((half < WIDE) & (length > 1e-6), half, np.pi)
+
+    def balls(self) -> tuple[Array, Array]:
+        """Centres (N, 3) and radii (N,) [m] of balls that hold the points."""
+        axis, half = self.cones()
+        middle = self.points.mean(axis=1)
+        reach = np.linalg.norm(self.points - middle[:, None], axis=2).max(axis=1)
+        turn = 2 * self.radius * np.sin(np.minimum(half, np.pi) / 2)
+        return middle + self.radius[:, None] * axis, (reach + turn + self.slack) * (1 + 1e-12)
+
+    def halves(self, center: Array) -> SurfaceParts:
+        """(2 N) each cut in two: its points or its normals, whichever span more as they are seen from a centre."""
+        far = np.linalg.norm(self.points - center, axis=2).max(axis=1) + self.radius
+        spans = [np.linalg.norm(np.roll(a, -1, axis=1) - a, axis=2) for a in (self.points, self.normals)]
+        by_points = spans[0].max(axis=1) / np.maximum(far, 1e-300) > spans[1].max(axis=1)
+        out = []
+        for its, name, span in ((by_points, "points", spans[0]), (~by_points, "normals", spans[1])):
+            some, k = self[its], span[its].argmax(axis=1)
+            corners, n = getattr(some, name), np.arange(len(k))
+            a, b, c = corners[n, k], corners[n, (k + 1) % 3], corners[n, (k + 2) % 3]
+            middle = (a + b) / 2
+            if name == "normals":
+                middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+            out += [replace(some, **{name: np.stack([end, middle, c], axis=1)}) for end in (a, b)]
+        return SurfaceParts.joined(out)
+
+
+def angle(a: Array, b: Array) -> Array:
+    """[rad] between vectors (..., 3) of any length: 0 or pi to full precision."""
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex solid in the object's frame.
+
+    Attributes:
+        kind: a key of `SIZES`. size: [m] radius; radius and length along z; three semi-axes.
+        pose: (4, 4) of its own frame. vertices, faces: of a mesh, wound outwards, in the object's frame.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    pose: Array
+    vertices: Array
+    faces: Integers
+
+    @classmethod
+    def read(cls, f: Fields) -> Solid:
+        """From a file."""
+        kind = f.text("kind", among=tuple(SIZES))
+        size = f.numbers("size", (SIZES[kind],), [])
+        pose = f.numbers("pose", (4, 4), np.eye(4).tolist())
+        vertices = f.numbers("vertices", (-1, 3), [])
+        faces = f.numbers("faces", (-1, 3), []).astype(np.int64)
+        f.done()
+        if (size <= 0).any() or np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max() > 1e-9:
+            raise BadFile("has a size that is not positive, or a pose that is not rigid", f.place)
+        if kind == "mesh" and not (len(faces) and faces.min() >= 0 and faces.max() < len(vertices)):
+            raise BadFile("has no faces, or one with a vertex that is not there", f.place)
+        return cls(kind, tuple(size.tolist()), pose, vertices, faces)
+
+    def parts(self) -> SurfaceParts | None:
+        """Of its surface; None of a mesh that is not closed or not convex."""
+        if self.kind == "mesh":
+            return self._of_mesh()
+        R, origin = self.pose[:3, :3], self.pose[:3, 3]
+        local = SurfaceParts.joined(list(self._local()))
+        return replace(local, points=local.points @ R.T + origin, normals=local.normals @ R.T)
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper corner (3,) of a box about it."""
+        if self.kind == "mesh":
+            return self.vertices.min(axis=0), self.vertices.max(axis=0)
+        return self.pose[:3, 3] - sum(self.size), self.pose[:3, 3] + sum(self.size)
+
+    def reach(self, center: Array) -> float:
+        """[m] from a point to the farthest of the solid, at least."""
+        corners = self.vertices if self.kind == "mesh" else self.pose[None, :3, 3]
+        return float(np.linalg.norm(corners - center, axis=1).max()) * (1 + 1e-12) + sum(self.size)
+
+    def farthest(self, normals: Array) -> Array:
+        """(N, 3) [m] the points that are farthest along unit vectors (N, 3)."""
+        if self.kind == "mesh":
+            return np.asarray(self.vertices[(normals @ self.vertices.T).argmax(axis=1)])
+        n, s, up = normals @ self.pose[:3, :3], self.size, np.array([0.0, 0.0, 1.0])
+        if self.kind == "ellipsoid":
+            local = n * np.array(s) ** 2 / np.linalg.norm(n * np.array(s), axis=1, keepdims=True)
+        else:
+            flat = n * (1 - up) if self.kind == "cylinder" else n
+            local = s[0] * flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+            local += np.sign(n[:, 2:]) * up * (s[1] / 2 if len(s) > 1 else 0.0)
+        return np.asarray(local @ self.pose[:3, :3].T + self.pose[:3, 3])
+
+    @cached_property
+    def _planes(self) -> tuple[Array, Array]:
+        """Unit normals (k, 3) of a mesh's faces, NaN where one has no area, and heights (k,)."""
+        a, b, c = self.vertices[self.faces].swapaxes(0, 1)
+        normal = np.cross(b - a, c - a)
+        with np.errstate(all="ignore"):
+            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        return normal, (a * normal).sum(axis=1)
+
+    def _of_mesh(self) -> SurfaceParts | None:
+        corners, (normal, height) = self.vertices[self.faces], self._planes
+        # over each face nothing is above it
+        if not (self.vertices @ normal.T - height).max() <= FLAT * np.ptp(self.vertices, axis=0).max():
+            return None
+        starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
+        face = np.repeat(np.arange(len(self.faces)), 3)
+        edges = list(zip(starts.tolist(), ends.tolist(), strict=True))
+        other = {(b, a): k for k, (a, b) in enumerate(edges)}
+        if len(other) != len(edges) or not other.keys() >= set(edges):
+            return None
+        across = face[[other[edge] for edge in edges]]
+        bent = angle(normal[face], normal[across]) > SAME
+        start, left, right = starts[bent], normal[face[bent]], normal[across[bent]]
+        middle = np.zeros_like(self.vertices)
+        np.add.at(middle, starts, normal[face])
+        length = np.linalg.norm(middle, axis=1, keepdims=True)
+        middle /= np.maximum(length, 1e-300)
+        at = np.repeat(self.vertices[start][:, None], 3, axis=1)
+        edge = np.stack([self.vertices[start], self.vertices[ends[bent]], self.vertices[start]], axis=1)
+        once = starts[bent] < ends[bent]
+        return SurfaceParts.joined(
+            [
+                SurfaceParts.of(corners, np.repeat(normal[:, None], 3, axis=1)),
+                SurfaceParts.of(edge[once], np.stack([left, right, left], axis=1)[once]),
+                SurfaceParts.of(at, np.stack([middle[start], left, right], axis=1)),
+            ]
+        )
+
+    def _local(self) -> Sequence[SurfaceParts]:
+        """Of a round solid, in its own frame."""
+        r, up = self.size[0], np.array([0.0, 0.0, 1.0])
+        if self.kind == "sphere":
+            return [SurfaceParts.of(np.zeros((8, 3, 3)), EIGHTHS, r)]
+        if self.kind == "ellipsoid":
+            m = EIGHTHS
+            for _ in range(FINER):
+                a, b, c = np.moveaxis(m, 1, 0)
+                ab, bc, ca = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (a + b, b + c, c + a))
+                m = np.concatenate([np.stack(v, axis=1) for v in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+            deep = 1 - np.linalg.norm(m.mean(axis=1), axis=1).min()  # of the sphere below which no triangle goes
+            normals = m / np.array(self.size)
+            normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+            return [SurfaceParts.of(m * np.array(self.size), normals, slack=2 * deep * max(self.size))]
+        h = self.size[1] / 2 * up
+        turns = np.arange(AROUND + 1) * 2 * np.pi / AROUND
+        e = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+        first, last = e[:-1], e[1:]
+        quarter = e[:: AROUND // 4]
+        sides = np.stack([quarter[:-1], quarter[1:], quarter[:-1]], axis=1)
+        side = SurfaceParts.of(np.tile(np.array([-h, h, h]), (4, 1, 1)), sides, r)
+        if self.kind == "capsule":
+            tops = np.where(EIGHTHS[:, 2, 2] > 0, 1.0, -1.0)[:, None, None] * h
+            return [side, SurfaceParts.of(np.repeat(tops, 3, axis=1), EIGHTHS, r)]
+        corner = (first + last) / (1 + (first * last).sum(axis=1, keepdims=True))  # where tangents meet
+        out = [side]
+        for z in (1.0, -1.0):
+            normal = np.broadcast_to(z * up, first.shape)
+            flat = np.stack([first * 0, r * first, r * corner], axis=1)
+            rest = np.stack([first * 0, r * corner, r * last], axis=1)
+            rim = np.stack([r * first, r * corner, r * last], axis=1)
+            out += [SurfaceParts.of(p + z * h, np.stack([normal] * 3, axis=1)) for p in (flat, rest)]
+            out += [SurfaceParts.of(rim + z * h, np.stack([first, last, normal], axis=1))]
+        return out
+
+    def depth(self, points: Array) -> Array:
+        """(...) [m] how far points (..., 3) lie below the surface; a concave function, below 0 outside."""
+        if self.kind == "mesh":
+            normal, height = self._planes
+            return np.asarray((height - points @ normal.T).min(axis=-1))
+        p, s = (points - self.pose[:3, 3]) @ self.pose[:3, :3], self.size
+        if self.kind == "ellipsoid":
+            return np.asarray((1 - np.linalg.norm(p / np.array(s), axis=-1)) * min(s))
+        if self.kind == "cylinder":
+            return np.minimum(s[0] - np.linalg.norm(p[..., :2], axis=-1), s[1] / 2 - np.abs(p[..., 2]))
+        along = np.clip(p[..., 2], -s[1] / 2, s[1] / 2) if self.kind == "capsule" else 0.0 * p[..., 2]
+        return np.asarray(s[0] - np.linalg.norm(p - along[..., None] * np.array([0, 0, 1]), axis=-1))
+
+
+def hidden(parts: SurfaceParts, solids: Sequence[Solid]) -> Mask:
+    """(N,) parts that are nowhere on the surface: in another solid, which reaches beyond them along each normal."""
+    axis, half = parts.cones()
+    narrow, far = half < WIDE, parts.radius[:, None, None]
+    raised = (parts.points[:, :, None] + far[..., None] * parts.normals[:, None]).reshape(-1, 9, 3)
+    bulge = parts.radius * (1 / np.cos(np.where(narrow, half, 0.0)) - 1) + parts.slack  # of arcs over their chords
+    low, high = raised.min(axis=1), raised.max(axis=1)
+    out = np.zeros(len(parts), dtype=bool)
+    for k, solid in enumerate(solids):
+        inside = (low >= solid.box[0] - TOUCH).all(axis=1) & (high <= solid.box[1] + TOUCH).all(axis=1)
+        its = np.flatnonzero(~out & narrow & inside & (parts.solid != k))
+        for some in np.split(its, range(BATCH, len(its), BATCH)):
+            ways = solid.farthest(axis[some])[:, None] - parts.points[some]
+            beyond = (
+                (ways @ parts.normals[some].swapaxes(1, 2)).min(axis=(1, 2)) - parts.radius[some] - parts.slack[some]
+            )
+            within = solid.depth(raised[some]).min(axis=1) >= bulge[some] - TOUCH
+            out[some] = within & (beyond >= BEYOND)
+    return out
