@@ -128,7 +128,7 @@ def test_what_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_what_can_be_verified() -> None:
-    schemas = "result/1", "certificate/1", "path/1", "hold/1", "synthesis/1", "grasps/1"
+    schemas = "result/1", "certificate/1", "path/1", "hold/1", "synthesis/1", "grasps/1", "contacts/1"
     assert [*files.READERS] == [f"handfast/{schema}" for schema in schemas]
 
 

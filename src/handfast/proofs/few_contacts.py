@@ -123,7 +123,7 @@ class Held:
         force, torque = self.loads[:, :3], np.linalg.norm(self._torques(self.center), axis=1)
         size, most = np.linalg.norm(force, axis=1), np.hypot(1.0, self.friction)
         needed = max(size.max(), torque.max() / self._reach) / most, self._in_all_directions(force, size)
-        n = float(np.ceil(max(needed) / self.force_limit * (1 - MARGIN)))
+        n = float(np.ceil(max(needed) / max(self.force_limit, 1e-300) * (1 - MARGIN)))
         return Fewest(int(min(n, 1e9)), "force") if n > 1 else Fewest(1)
 
     def _in_all_directions(self, force: Array, size: Array) -> float:
@@ -174,8 +174,10 @@ class Held:
         return not len(parts)
 
     def _seen(self, parts: SurfaceParts) -> tuple[Array, Array, Array, Array, Array]:
-        """From the centre of mass: ways (N, 3) to the parts, angles (N,) within which these are, and such as a force
-        pushes, inwards, and (N, 2) by how much a force can miss the way outwards and the way back."""
+        """Of N parts from the centre of mass: ways to them, angles within which these are; where forces push, likewise.
+
+        Last (N, 2) the least angle [rad] between a force and the way there, and the way back; below 0 if it may be none.
+        """
         middle, reach = parts.balls()
         way = middle - self.center
         far = np.linalg.norm(way, axis=1)
@@ -190,8 +192,10 @@ class Held:
         return np.asarray((self._seen(parts)[4] <= 0).any(axis=1))
 
     def _lines(self, parts: SurfaceParts) -> tuple[Array, Array, Integers]:
-        """Cones (M,) of the directions that forces along lines through the centre of mass can have: unit axes, half the
-        angles [rad]; and which of the parts each is of."""
+        """Cones of the directions that forces along lines through the centre of mass can have.
+
+        Unit axes (M, 3), half the angles (M,) [rad], and which of the parts each is of.
+        """
         way, within, push, pushed, miss = self._seen(parts)
         out = []
         for sign, off in ((1, miss[:, 0]), (-1, miss[:, 1])):
