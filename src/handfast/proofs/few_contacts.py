@@ -176,7 +176,7 @@ class Held:
     def _seen(self, parts: SurfaceParts) -> tuple[Array, Array, Array, Array, Array]:
         """Of N parts from the centre of mass: ways to them, angles within which these are; where forces push, likewise.
 
-        Last (N, 2) the least angle [rad] between a force and the way there, and the way back; below 0 if it may be none.
+        Last (N, 2) the least angle [rad] between a force and the way there, and the way back; 0 or less if none.
         """
         middle, reach = parts.balls()
         way = middle - self.center
