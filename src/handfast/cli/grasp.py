@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from rich.console import Console
@@ -24,7 +24,7 @@ from handfast.pictures.words import num
 from handfast.planning.question import Allowed, Requirements, TaskGraspOptions, compared
 from handfast.planning.results.search_file import REASONS
 from handfast.planning.search import Journal, Pair, Rejected, RejectionReason, Tally
-from handfast.proofs.unbalanced import down
+from handfast.proofs.unbalanced import down, up
 
 if TYPE_CHECKING:
     from handfast.planning.no_balance import BalanceSearched
@@ -47,6 +47,9 @@ class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
     """a mesh or handfast/body/1 file or the name of a bundled object, instead of the task's"""
     depth: Annotated[float, arg(metavar="M")] = 1e-3
     """how deep solids may be in each other, links beyond what they are at rest: shapes are approximations [m]"""
+    best: Literal["margin"] | None = None
+    """margin: go on until the time is over, for grasps that hold the largest multiple of the loads under one preload,
+    and for a proved bound on it; --force-limit makes it finite"""
     timeout: Annotated[float, arg(metavar="S")] = 60.0
     """seconds for the search after start-up; inf: until there are N"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
@@ -156,7 +159,8 @@ def _names(pair: Pair) -> str:
 
 def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), times: float = 1.0) -> None:
     """times: what the loads were multiplied by."""
-    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(answer)))
+    best = f" {best_text(answer, times)}" if answer.grasps and answer.grasps[0].strength else ""
+    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(answer) + best))
     task, body = answer.task, answer.body
     links = ", ".join(t.link for t in task.contact_pairs)
     about = f"{task.hand.name} on {body.name}, {words.count(len(task.contact_pairs), 'contact')}: {links}"
@@ -164,7 +168,7 @@ def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), time
     safety = "" if times == 1 else f", {times:g} times what is to be held"
     out.print(loads_text(answer) + safety, style="dim")
     if answer.grasps:
-        _show_found(out, answer)
+        _show_found(out, answer, times)
     _show_tally(out, answer)
     console.say_written(out, *written)
 
@@ -189,13 +193,24 @@ def sentence(answer: Grasps) -> str:
     return f"{which}, {seconds}.{short}"
 
 
+def best_text(answer: Grasps, times: float) -> str:
+    """How many times the loads the best grasp holds, and the bound; times: what the loads were multiplied by."""
+    strength = answer.grasps[0].strength
+    assert strength is not None
+    held = f"The best holds {down(times * strength.factor)} times what is to be held under one preload"
+    if answer.bound is None:
+        return f"{held}; no bound is known, as nothing limits the contact forces: --force-limit does."
+    if not np.isfinite(answer.bound.factor):
+        return f"{held}; no bound was shown."
+    gap = f"{100 * (answer.bound.factor / strength.factor - 1):.3g} % more"
+    return f"{held}, and no placement of the contacts reaches {up(times * answer.bound.factor)} times ({gap})."
+
+
 def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
     """Why no contact forces balance the loads."""
     distance = searched.line_distance
     if not distance:
         limit = "" if asked.force_limit is None else f", normal forces up to {num(asked.force_limit)} N"
-        if few := (searched.proof or {}).get("fewest_contacts"):
-            return f"It takes {few} contacts or more to balance the loads with a friction of {num(asked.friction)}"
         return f"No contact forces balance the loads with a friction of {num(asked.friction)}{limit}"
     near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance)} mm"
     return f"Two fingertips have no moment about the line between them, and {near}"
@@ -227,7 +242,7 @@ def loads_text(answer: Grasps) -> str:
     return f"loads: {some} ({low if low == high else f'{low} to {high}'} N)"
 
 
-def _show_found(out: Console, answer: Grasps) -> None:
+def _show_found(out: Console, answer: Grasps, times: float) -> None:
     unit = words.actuator_unit(answer.grasps[0].grasp, answer.grasps[0].grasp.mechanism.actuators[0])
     heads = (f"command [{unit}]", "at least", "friction margin [%]", "clear [mm]", "from limits [%]", "dexterity [-]")
     rows = []
@@ -235,8 +250,10 @@ def _show_found(out: Console, answer: Grasps) -> None:
         commands, away = (num(g.command, 3), num(g.answer.lower, 3)), f"{1e3 * g.terms['clearance']:.2f}"
         shares = f"{100 * g.friction_margin:.0f}", away, f"{100 * g.terms['from_limits']:.1f}"
         last = num(g.terms["manipulability"], 3), "repaired" if g.repaired else ""
-        rows.append((str(k), f"{g.score:.2f}", *commands, *shares, *last))
-    print_table(out, ["#", "score", *heads, ""], rows)
+        holds = (down(times * g.strength.factor),) if g.strength else ()
+        rows.append((str(k), f"{g.score:.2f}", *holds, *commands, *shares, *last))
+    first = ["#", "score", *(["holds [times]"] if answer.grasps[0].strength else [])]
+    print_table(out, [*first, *heads, ""], rows)
     best = answer.grasps[0]
     used = {n: v for n, v in best.grasp.preload.items() if v}
     squeezed = ", ".join(f"{n} {num(v)}" for n, v in used.items()) or "nothing commanded, the gearing holds"

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -26,8 +27,9 @@ from handfast.geometry.dexterity import dexterity
 from handfast.geometry.scene import Scene, rest_overlaps
 from handfast.model.body import Body
 from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
-from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, Improved, LocalSearch
+from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, Improved, LocalSearch, Strength
 from handfast.planning.filters.balance import friction_margin
+from handfast.planning.load_bound import LoadBound
 from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import Requirements, TaskGraspOptions, fingerprint, link_pairs, refuse_another
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
@@ -46,7 +48,11 @@ from handfast.synthesis.task import Task
 from handfast.synthesis.task_problem import TaskProblem
 
 FIRST_BOXES = 512  # of placements that are examined before any configuration is sought
+BOUND_FIRST = 0.25  # of all the time, before any configuration is sought, for at most so many boxes
+BOUND_SHARE = 0.5  # of the time of the search, for the bound of what any placement holds, where the best is asked for
+CLOSED = 1.01  # a bound over what the best grasp holds: near enough to end the search
 BALANCE_SHARE = 0.2  # of the time in which nothing is found, for the proof that no forces balance the loads
+Searched = TypeVar("Searched", NoBalance, LoadBound)
 DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
 FRUITLESS = 4  # units without any certified start after which synthesis is asked whether there is one
 
@@ -94,7 +100,7 @@ def grasp_for(
     problem = TaskProblem.of(task)
     collisions = Collisions(scene, cutoff=NEAR, at_rest=rest_overlaps(scene, at_zero=True))
     evaluator = Evaluator(problem, collisions, loads, friction, o.allowed)
-    work = LocalSearch(evaluator, o.seed, Requirements.of(o.limits, friction, names))
+    work = LocalSearch(evaluator, o.seed, Requirements.of(o.limits, friction, names), best=o.best)
     search = _TaskSearch(work, body, o.count, journal or Journal())
     return search.run(o.timeout, jobs, scheduler)
 
@@ -106,6 +112,7 @@ def question_of(work: LocalSearch, body: Body) -> str:
     regions = {key: value for key, value in task_to_dict(evaluator.task).items() if key in ("contacts", "pose")}
     ignored = evaluator.collisions.scene.ignored
     regions |= {"ignored": ignored} if ignored else {}
+    regions |= {"best": work.best} if work.best else {}
     settings = r.settings or SETTINGS
     others = said | r.of_a_load.to_json() | regions | {"settings": settings}
     return fingerprint(evaluator.task.hand, body, evaluator.loads, work.seed, **others)
@@ -117,7 +124,9 @@ class _Found:
 
     Attributes:
         feature: where it is, in the measure of `synthesis/distance`.
-        first: the first preload that held. answer: the least one, None until it is known.
+        first: the first preload that held. answer: the least one, or that which holds most; None until it is known.
+        strength: how many times the loads it holds; None where that was not asked.
+        proved: with everything that is said of it.
     """
 
     certified: Certified
@@ -125,6 +134,13 @@ class _Found:
     feature: Array
     first: HoldAnswer
     answer: HoldAnswer | None = None
+    strength: Strength | None = None
+    proved: ProvedGrasp | None = None
+
+    @property
+    def factor(self) -> float:
+        """How many times the loads it holds, as far as that was asked."""
+        return self.strength.factor if self.strength else 1.0
 
 
 def _alike(a: _Found, b: _Found) -> bool:
@@ -137,14 +153,32 @@ class _TaskSearch:
     def __init__(self, work: LocalSearch, body: Body, count: int, journal: Journal[Grasps]) -> None:
         self.work, self.evaluator, self.body, self.count = work, work.evaluator, body, count
         self.journal, self.question = journal, question_of(work, body)
-        self.gathered: Gathering[_Found] = Gathering(count, _alike)
-        self.grasps: list[ProvedGrasp] = []
+        self.gathered: Gathering[_Found] = Gathering(count, _alike, value=self.value)
         self.evaluated = self.starts = self.unproved = self.units = 0
         self.done = self.counted()  # after the last unit that was done before the time was up
         self.cut = False
         self.synthesis: Synthesis | None = None
         self.balance = self.proof_of_none()
+        self.bound: LoadBound | None = None
         self.begin, self.spent = time.monotonic(), 0.0
+
+    @property
+    def value(self) -> Callable[[_Found], float] | None:
+        """By what grasps are chosen; None for the first that are found."""
+        return None if self.work.best is None else lambda f: f.factor
+
+    @property
+    def grasps(self) -> list[ProvedGrasp]:
+        """Those that are proved so far."""
+        return [f.proved for f in self.gathered.kept if f.proved]
+
+    @property
+    def enough(self) -> bool:
+        """Is there nothing more to look for?"""
+        if self.work.best is None:
+            return self.gathered.enough
+        held = max((f.factor for f in self.gathered.kept), default=0.0)
+        return self.gathered.enough and self.bound is not None and self.bound.factor <= CLOSED * held
 
     def run(self, timeout: float | None, jobs: int | None, scheduler: str | None) -> Grasps:
         """Units until enough are found, and the torques of each."""
@@ -162,7 +196,8 @@ class _TaskSearch:
                 stop = self.search(pool)
             except KeyboardInterrupt:
                 stop = Stop.INTERRUPTED
-                self.grasps += [self.proved(f, f.first) for f in self.gathered.kept if f.answer is None]
+                for f in self.gathered.kept:
+                    f.proved = f.proved or self.proved(f, f.first)
         answer = self.answer(stop)
         self.journal.close(answer)
         return answer
@@ -172,46 +207,70 @@ class _TaskSearch:
         refuse_another(earlier.question, self.question)
         self.done, self.spent, self.units = earlier, earlier.seconds, earlier.units
         self.evaluated, self.starts, self.unproved = earlier.judged, earlier.starts, earlier.unproved
-        if earlier.balance is not None:
+        for name, saved, made in (
+            ("balance", earlier.balance, self.proof_of_none),
+            ("bound", earlier.bound, self.bound_of_all),
+        ):
             try:
-                self.balance = self.proof_of_none(earlier.balance)
+                if saved is not None:
+                    setattr(self, name, made(saved))
             except InputError as fault:
-                raise fault.within("balance") from None
+                raise fault.within(name) from None
         kept = []
         for i, found in enumerate(earlier.found):
             proof = found.proof(self.evaluator.task, f"found[{i}]")
             report = verify_existence(self.evaluator.task, proof)
             if not report.ok:
                 raise InputError(f"is not proved: {report.reason}", field=f"found[{i}].existence")
-            certified = Certified.of(proof, self.evaluator.problem)
+            certified, strength = Certified.of(proof, self.evaluator.problem), None
             known = found.preload, found.lower, found.upper
             answer = self.work.answer_again(certified, known, found.nodes, f"found[{i}]")
-            kept.append(replace(self.found(Improved(certified, found.repaired, answer)), answer=answer))
-        self.gathered = Gathering(self.count, _alike, earlier.tally, kept)
-        self.grasps = [self.proved(f, f.first) for f in kept]
+            if found.factor is not None:
+                strength = self.work.strength_again(answer, found.factor, f"found[{i}].factor")
+            kept.append(replace(self.found(Improved(certified, found.repaired, answer, strength)), answer=answer))
+        self.gathered = Gathering(self.count, _alike, earlier.tally, kept, self.value)
+        for f in kept:
+            f.proved = self.proved(f, f.first)
 
     def proof_of_none(self, saved: Any = None) -> NoBalance:
         """The search for a proof that no forces balance the loads, from where an earlier one was."""
+        return self.of_placements(NoBalance, saved)
+
+    def bound_of_all(self, saved: Any = None) -> LoadBound | None:
+        """The search for a bound on what any placement holds; None where a limit of the contact forces is missing."""
+        return self.of_placements(LoadBound, saved) if np.isfinite(self.work.force_limits).all() else None
+
+    def of_placements(self, kind: type[Searched], saved: Any) -> Searched:
+        """A search over the placements of the contacts."""
         e, r, center = self.evaluator, self.work.requirements, np.asarray(self.body.center_of_mass, dtype=float)
-        how: dict[str, Any] = {"center": center, "force_limit": r.force_limit, "seed": self.work.seed}
-        return NoBalance(e.task, e.loads, r.friction, **how, saved=saved)
+        how: dict[str, Any] = {"center": center, "force_limits": self.work.force_limits, "seed": self.work.seed}
+        return kind(e.task, e.loads, r.friction, **how, saved=saved)
 
     def search(self, pool: Workers[LocalSearch]) -> Stop:
         """Units in order until there are enough, or it is shown that there are none, or the time is over."""
-        if self.gathered.enough:
+        if self.enough:
             return Stop.COMPLETE
-        self.balance.run(FIRST_BOXES, self.work.end)
+        if not self.gathered.kept:
+            self.balance.run(FIRST_BOXES, self.work.end)
         if self.balance.shown:
+            return Stop.COMPLETE
+        if self.work.best and self.bound is None:
+            self.bound = self.bound_of_all()
+        if self.bound and self.bounded(FIRST_BOXES, BOUND_FIRST * (self.work.end - time.monotonic())):
             return Stop.COMPLETE
         begin = time.monotonic()
         for unit in pool.map(LocalSearch.run, self.work.numbers(self.units), ahead=pool.count + 1):
             new = self.take(unit)
             self.prove(pool)
             self.journal.note(self.answer(Stop.INTERRUPTED), new=new)
-            if self.gathered.enough:
+            if self.enough:
                 return Stop.COMPLETE
-            if not self.gathered.kept and not self.balance.over:
-                now = time.monotonic()
+            now = time.monotonic()
+            if self.bound and not self.bound.over:
+                if self.bounded(sys.maxsize, BOUND_SHARE * (now - begin)):
+                    return Stop.COMPLETE
+                begin = time.monotonic()
+            elif not self.gathered.kept and not self.balance.over:
                 self.balance.run(sys.maxsize, min(self.work.end, now + BALANCE_SHARE * (now - begin)))
                 begin = time.monotonic()
                 if self.balance.shown:
@@ -222,29 +281,41 @@ class _TaskSearch:
                     return self.synthesis.stop
         return Stop.TIME
 
+    def bounded(self, boxes: int, seconds: float) -> bool:
+        """Go on with the bound; does it show that there is no grasp?"""
+        assert self.bound is not None
+        self.bound.run(boxes, min(self.work.end, time.monotonic() + seconds))
+        if self.bound.factor < 1:
+            self.balance = self.proof_of_none({k: v for k, v in self.bound.to_json().items() if k != "factor"})
+        return self.bound.factor < 1
+
     def take(self, unit: ConfigurationUnit) -> bool:
         """Count a unit, and choose what differs of what it found; was anything chosen?"""
         self.evaluated, self.starts = self.evaluated + unit.evaluated, self.starts + unit.starts
         self.unproved, self.units = self.unproved + unit.unproved, self.units + 1
         found = tuple(self.found(f) for f in unit.found)
         new = self.gathered.take(UnitResult(unit.tally, found))
-        self.cut = self.cut or self.gathered.beyond or not unit.whole  # who wants more will want what is beyond
+        beyond = self.gathered.beyond and self.work.best is None  # who wants more will want what is beyond
+        self.cut = self.cut or beyond or not unit.whole
         return new
 
     def found(self, of_unit: Improved) -> _Found:
         """What a unit found, and where it is."""
         x = (of_unit.certified.x * self.evaluator.problem.lengths)[None]
-        return _Found(of_unit.certified, of_unit.repaired, features_of(self.evaluator.task, x)[0], of_unit.first)
+        feature = features_of(self.evaluator.task, x)[0]
+        return _Found(of_unit.certified, of_unit.repaired, feature, of_unit.first, strength=of_unit.strength)
 
     def prove(self, pool: Workers[LocalSearch]) -> None:
         """The least preloads of what was found last, and how far the search has come."""
         begin = time.monotonic()
         new = [f for f in self.gathered.kept if f.answer is None]
-        answers = list(pool.map(LocalSearch.proof, [f.certified for f in new]))  # all of them, or none on Ctrl-C
+        if self.work.best:
+            answers = [f.first for f in new]  # under the preload that holds most
+        else:
+            answers = list(pool.map(LocalSearch.proof, [f.certified for f in new]))  # all of them, or none on Ctrl-C
         with deferred_interrupt():
             for f, answer in zip(new, answers, strict=True):
-                self.grasps.append(self.proved(f, answer))
-                f.answer = answer
+                f.proved, f.answer = self.proved(f, answer), answer
         if pool.alone:
             self.work.end += time.monotonic() - begin  # the time is for the search
         if not self.cut:
@@ -266,7 +337,7 @@ class _TaskSearch:
 
     def answer(self, stop: Stop) -> Grasps:
         """What is known so far."""
-        balance = None if self.grasps else self.balance.searched
+        balance, bound = None if self.grasps else self.balance.searched, self.bound.bound if self.bound else None
         none = self.balance.shown or (self.synthesis is not None and self.synthesis.verdict is Reach.NONE)
         going_on = None if self.grasps or self.balance.over else self.balance.to_json()
         seconds = self.spent + time.monotonic() - self.begin
@@ -288,7 +359,10 @@ class _TaskSearch:
             self.synthesis,
             balance=balance,
             requirements=self.work.requirements,
-            search=self.done.model_copy(update={"found": found, "seconds": seconds, "balance": going_on}),
+            search=self.done.model_copy(
+                update={"found": found, "seconds": seconds, "balance": going_on, "bound": bound and bound.proof}
+            ),
+            bound=bound,
         )
 
     def remembered(self, f: _Found) -> FoundEntry:
@@ -303,6 +377,7 @@ class _TaskSearch:
             lower=a.lower,
             upper=a.upper,
             nodes=a.nodes,
+            factor=f.strength.factor if f.strength else None,
         )
 
     def possible(self) -> Synthesis:
@@ -326,4 +401,5 @@ class _TaskSearch:
             dexterity(task.hand, c.q, [t.link for t in task.contact_pairs], c.solution.points, grasp),
             friction_margin(grasp, self.evaluator.loads.wrenches),
             f.repaired,
+            f.strength,
         )

@@ -25,8 +25,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.filters.balance import BALANCED, CIRCUMSCRIBED, EDGES, imbalance
-from handfast.proofs.few_contacts import Held
+from handfast.planning.filters.balance import BALANCED, CIRCUMSCRIBED, imbalance, pyramid_wrenches
 from handfast.proofs.fields import BadFile, Fields, Integers
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import read_task
@@ -80,17 +79,17 @@ class BalanceSearched:
 
 
 @dataclass(eq=False, slots=True)
-class _Node:
+class BoxNode:
     """A box of the tree; entry: as in `UnbalancedTree`; tried: the motion that was tried last on what it is half of."""
 
     box: Array
     tried: int
     entry: int | None = None
-    halves: tuple[_Node, ...] = ()
+    halves: tuple[BoxNode, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class _Corners:
+class Corners:
     """Points and normals into the object (N, 5, K, 3) at the middles and corners of N boxes."""
 
     points: Array
@@ -101,6 +100,13 @@ class _Corners:
         p = self.points[:, 0]
         away = np.linalg.norm(p - p.mean(axis=1, keepdims=True), axis=2).max(axis=1)
         object.__setattr__(self, "size", np.maximum(away, 1e-9))
+
+    @classmethod
+    def of(cls, boxes: Array, placements: Placements) -> Corners:
+        """Of boxes (N, 2 K, 2)."""
+        low, high = np.moveaxis(boxes, 2, 0)
+        at = low[:, None] + (high - low)[:, None] * np.tile(CORNERS, placements.count)
+        return cls(*(a.reshape(*at.shape[:2], -1, 3) for a in placements.at(at.reshape(-1, at.shape[2]))))
 
     @property
     def effect(self) -> Array:
@@ -117,7 +123,7 @@ class NoBalance:
 
     Args:
         loads: each alone has to be balanced. friction: coefficient at every contact.
-        force_limit: [N] largest normal force at any contact; None for none.
+        force_limits: [N] largest normal force at any contact, or (K,) at each; inf for none.
         center: (3,) [m] the object's centre of mass.
         seed: of the placements that are looked at first.
         saved: what `to_json` made, to go on from.
@@ -133,7 +139,7 @@ class NoBalance:
         friction: float,
         *,
         center: Array,
-        force_limit: float | None = None,
+        force_limits: Array | float = np.inf,
         seed: int = 0,
         saved: Any = None,
     ) -> None:
@@ -141,15 +147,12 @@ class NoBalance:
         self.names, self.center = loads.names, None
         if len(regions) == 2 and all(loads.weights):
             self.center = np.asarray(center, dtype=float)
-        self.placements = Placements.of(
-            regions, loads.wrenches, friction, np.inf if force_limit is None else force_limit
-        )
+        self.placements = Placements.of(regions, loads.wrenches, friction, force_limits)
         self.whole = np.ptp(self.placements.root, axis=1)
         self.motions = Motions(np.zeros((0, len(loads))), np.zeros((0, 2), dtype=np.int64), np.zeros((0, 6)))
         self.hits = np.zeros(len(loads))  # how often each load refuted a box
-        self.fewest = Held((), np.zeros(3), loads.wrenches, friction).opposed()  # whatever the contacts are on
-        self.root = _Node(self.placements.root, NO_MOTION)
-        self.open = deque([self.root] if self.fewest.most < self.placements.count else [])
+        self.root = BoxNode(self.placements.root, NO_MOTION)
+        self.open = deque([self.root])
         self.boxes, self.discarded = 0, 0.0
         self.balanced: Array | None = None
         self.stuck = False  # is a box too small to be halved?
@@ -178,20 +181,18 @@ class NoBalance:
     @cached_property
     def line_distance(self) -> float | None:
         """See `BalanceSearched`; of a search that has shown all."""
-        if not self.boxes:
-            return None
         by_line = all("line" in motion for motion in self.to_json()["motions"])
         return self.placements.line_distance(self.center) if by_line and self.center is not None else None
 
     def run(self, boxes: int, end: float = np.inf) -> None:
         """Examine so many more boxes, or until the monotonic clock shows `end`."""
-        if not self.looked and self.open:
+        if not self.looked:
             self._look()
             self.looked = True
         most = self.boxes + boxes
         while not self.over and self.boxes < most and time.monotonic() < end:
             with deferred_interrupt():
-                self._step([self.open[k] for k in range(min(BATCH, len(self.open)))])
+                self._step()
 
     def _share(self, box: Array) -> float:
         return float(np.prod(np.ptp(box, axis=1) / self.whole))
@@ -218,8 +219,8 @@ class NoBalance:
         """(N,) how much of the loads forces cannot balance at placements (N, 2 K); notes one where that is nothing."""
         out = np.zeros(len(at))
         for n, (p, normals) in enumerate(zip(*self.placements.at(at), strict=True)):
-            if np.isfinite(self.placements.force_limit):
-                wrenches = _wrenches(p, normals, self.placements, 1.0, p.mean(axis=0), 1.0)
+            if self.placements.limited.any():
+                wrenches = pyramid_wrenches(p, normals, self.placements.friction, p.mean(axis=0), 1.0)
                 short = [
                     np.linalg.norm(self._separating(wrenches, w, p.mean(axis=0), 1.0)) for w in self.placements.loads
                 ]
@@ -234,8 +235,9 @@ class NoBalance:
 
     # --- one step ---
 
-    def _step(self, taken: list[_Node]) -> None:
+    def _step(self) -> None:
         """Refute or halve the first boxes that are open."""
+        taken = [self.open[k] for k in range(min(BATCH, len(self.open)))]
         boxes = np.array([node.box for node in taken])
         closed, tried, effect = self._examined(boxes, np.array([node.tried for node in taken]))
         left = boxes[closed == NO_MOTION][:LOOKED_AT]
@@ -250,7 +252,7 @@ class NoBalance:
         ):
             self.open.popleft()
             if motion == NO_MOTION:
-                node.entry, node.halves = k, tuple(_Node(half, new) for half in halves(node.box, k))
+                node.entry, node.halves = k, tuple(BoxNode(half, new) for half in halves(node.box, k))
                 self.open.extend(node.halves)
             else:
                 node.entry = -1 - motion
@@ -261,10 +263,7 @@ class NoBalance:
         """The motion that refutes each of N boxes, and the last that was tried, or NO_MOTION; (N, 2 K) what halving a
         side may bring.
         """
-        low, high = np.moveaxis(boxes, 2, 0)
-        at = low[:, None] + (high - low)[:, None] * np.tile(CORNERS, self.placements.count)
-        found = self.placements.at(at.reshape(-1, at.shape[2]))
-        corners = _Corners(*(a.reshape(*at.shape[:2], -1, 3) for a in found))
+        corners = Corners.of(boxes, self.placements)
         closed, tried, effect = np.full(len(boxes), NO_MOTION), last.copy(), corners.effect
         for candidates in (None, self._lines, self._twists):
             its = np.flatnonzero(closed == NO_MOTION)
@@ -286,7 +285,7 @@ class NoBalance:
         self.motions = Motions(np.vstack([m.weights, weights]), np.vstack([m.line, line]), np.vstack([m.twist, twist]))
         return first + np.arange(len(weights))
 
-    def _lines(self, corners: _Corners, its: Integers) -> Integers:
+    def _lines(self, corners: Corners, its: Integers) -> Integers:
         """Turning about the line through two contacts, where that does most work on a load."""
         points, normals = corners.points[its, 0], corners.normals[its, 0]  # (N, K, 3)
         best, chosen = np.full(len(its), NOTHING), np.full((len(its), 2), NO_MOTION)
@@ -312,13 +311,13 @@ class NoBalance:
         out[some] = numbers[which.ravel()]
         return out
 
-    def _twists(self, corners: _Corners, its: Integers) -> Integers:
+    def _twists(self, corners: Corners, its: Integers) -> Integers:
         """The constant twist that is farthest from doing no work on forces at the middles and corners."""
         out, order = np.full(len(its), NO_MOTION), np.argsort(-self.hits, kind="stable")
         for n, k in enumerate(its):
             center, size = corners.points[k, 0].mean(axis=0), corners.size[k]
             p, normals = (np.swapaxes(a, 0, 1) for a in (corners.points[k], corners.normals[k]))
-            contacts = _wrenches(p, normals, self.placements, CIRCUMSCRIBED, center, size)
+            contacts = pyramid_wrenches(p, normals, self.placements.friction * CIRCUMSCRIBED, center, size)
             for load in order:
                 z = self._separating(contacts, self.placements.loads[load], center, size)
                 if np.linalg.norm(z) > NOTHING:
@@ -332,26 +331,29 @@ class NoBalance:
         none.
 
         Without a limit of forces the shortest vector in the convex hull of the wrenches (K, M, 6) and of the load; with
-        one the shortest sum of the load, and of a vector in the convex hull of 0 and the wrenches of each contact.
+        one the shortest sum of the load, and of a vector in the convex hull of 0 and the wrenches of each contact, in
+        their cone where forces are not limited.
         """
         own = np.r_[load[:3], (load[3:] - np.cross(center, load[:3])) / size]
         length = max(float(np.linalg.norm(own)), TINY)
         K, M, _ = contacts.shape
-        if not np.isfinite(self.placements.force_limit):
-            vectors = np.vstack([contacts.reshape(-1, 6), HEAVY * own / length])
+        limited, limits = self.placements.limited, self.placements.force_limits
+        if not limited.any():
+            units = contacts / np.linalg.norm(contacts[..., :3], axis=-1, keepdims=True)
+            vectors = np.vstack([units.reshape(-1, 6), HEAVY * own / length])
             x, _ = nnls(np.vstack([vectors.T, np.ones(len(vectors))]), np.r_[np.zeros(6), 1.0])
             return np.asarray(vectors.T @ x)
-        forces = contacts.reshape(-1, 6).T * (self.placements.force_limit / length)
-        shares = np.hstack([np.kron(np.eye(K), np.ones(M)), np.eye(K)]) * TIED
-        x, _ = nnls(np.vstack([np.hstack([forces, np.zeros((6, K))]), shares]), np.r_[-own / length, np.full(K, TIED)])
+        sizes = np.where(limited, limits, length) / length
+        forces, rows, bounded = contacts.reshape(-1, 6).T * np.repeat(sizes, M), np.eye(K)[limited], limited.sum()
+        shares = np.hstack([np.kron(rows, np.ones(M)), np.eye(bounded)]) * TIED
+        due = np.r_[-own / length, np.full(bounded, TIED)]
+        x, _ = nnls(np.vstack([np.hstack([forces, np.zeros((6, bounded))]), shares]), due)
         return np.asarray(forces @ x[: K * M] + own / length)
 
     # --- files ---
 
     def to_json(self) -> dict[str, Any]:
-        """The tree so far, as `replay_unbalanced` reads it: a proof once no box is open; or how many it takes."""
-        if self.fewest.most >= self.placements.count:
-            return {"fewest_contacts": self.fewest.contacts}
+        """The tree so far, as `replay_unbalanced` reads it: a proof once no box is open."""
         stack, used = [self.root], dict[int, int]()
         entries: list[int | None] = []
         while stack:
@@ -378,26 +380,8 @@ class NoBalance:
             if entry is None:
                 self.open.append(node)
             elif entry >= 0:
-                node.halves = tuple(_Node(half, NO_MOTION) for half in halves(node.box, entry))
+                node.halves = tuple(BoxNode(half, NO_MOTION) for half in halves(node.box, entry))
                 stack += node.halves[::-1]
             else:
                 self.discarded += self._share(node.box)
         self.boxes = len(tree.entries) - len(self.open)
-
-
-def _wrenches(
-    points: Array, normals: Array, placements: Placements, factor: float, center: Array, size: float
-) -> Array:
-    """(K, M, 6) about a centre, torques over a size: forces along the edges of pyramids about normals (K, ..., 3).
-
-    Their normal force is 1 where forces are limited; else their length. factor: on the friction.
-    """
-    first = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=-1)])
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    angle = (2 * np.pi / EDGES * np.arange(EDGES)).reshape(-1, *[1] * normals.ndim)
-    around = np.cos(angle) * first + np.sin(angle) * np.cross(normals, first)
-    force = normals + placements.friction * factor * around
-    if not np.isfinite(placements.force_limit):
-        force /= np.linalg.norm(force, axis=-1, keepdims=True)
-    out = np.concatenate([force, np.cross((points - center) / size, force)], axis=-1)
-    return np.asarray(np.moveaxis(out, 0, 1).reshape(len(points), -1, 6))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -167,11 +167,19 @@ class TaskGraspOptions(SearchOptions):
         actuators: that may be commanded; None for those that close the hand.
         friction: coefficient; None for the object's.
         allowed: how deep solids may be in each other; two links beyond what they are in the hand at rest.
+        best: "margin" goes on until the time is over for the grasps that hold the largest multiple of all loads under
+            one preload, and bounds what any placement of the contacts could hold. None is content with the first.
     """
 
     actuators: Sequence[str] | None = None
     friction: float | None = None
     allowed: Allowed = field(default_factory=Allowed)
+    best: Literal["margin"] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.best not in (None, "margin"):
+            raise InputError(f"is {self.best!r}; margin is needed", field="best")
 
 
 def refuse_negative(seed: int) -> None:

@@ -247,6 +247,7 @@ class Gathering(Generic[Found]):
         most: how many are kept.
         alike: whether two of them are.
         tally, kept: of a search that is gone on with.
+        value: what is better takes the place of the worst of those like it, or of all; None keeps the first.
     """
 
     def __init__(
@@ -255,8 +256,9 @@ class Gathering(Generic[Found]):
         alike: Callable[[Found, Found], bool],
         tally: Tally | None = None,
         kept: Iterable[Found] = (),
+        value: Callable[[Found], float] | None = None,
     ) -> None:
-        self.most, self.alike = most, alike
+        self.most, self.alike, self.value = most, alike, value
         self.tally, self.kept = tally.copy() if tally else Tally(), list(kept)
         self.beyond = False  # were some that differ not kept, as there were enough?
 
@@ -266,16 +268,28 @@ class Gathering(Generic[Found]):
 
     def take(self, unit: UnitResult[Found]) -> bool:
         """Count a unit's candidates and keep what differs; was anything kept?"""
-        before = len(self.kept)
+        new = False
         self.tally.add_all(unit.tally)
         for one in unit.found:
-            if any(self.alike(one, other) for other in self.kept):
+            rivals = [other for other in self.kept if self.alike(one, other)]
+            if rivals:
                 self.tally.recount(RejectionReason.ALIKE)
             elif self.enough:
-                self.beyond = True
-            else:
+                self.beyond, rivals = True, self.kept
+            if not rivals or self._better(one, rivals):
                 self.kept.append(one)
-        return len(self.kept) > before
+                new = True
+        return new
+
+    def _better(self, one: Found, rivals: list[Found]) -> bool:
+        """Take the worst of the rivals out if this is better."""
+        if self.value is None:
+            return False
+        worst = min(rivals, key=self.value)
+        if self.value(one) <= self.value(worst):
+            return False
+        self.kept = [other for other in self.kept if other is not worst]
+        return True
 
 
 class Journal(Generic[State]):

@@ -4,12 +4,14 @@ Of each grasp: an exact configuration exists in which hand and object touch as t
 held under its one preload. That contacts, joints and mechanism of the grasp are those of the hand at that configuration
 is geometry: `handfast verify` works it out anew.
 
-Or that there is none: no contact forces balance the loads, wherever on the object the contacts are (`unbalanced`).
+Or that there is none: no contact forces balance the loads, wherever on the object the contacts are (`unbalanced`). A
+grasp may hold its loads so many times (`strength`), and no placement of the contacts more than so many times (`bound`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,11 +20,10 @@ from handfast.proofs import answers
 from handfast.proofs.configurations import check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.existence import prove
-from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
-from handfast.proofs.grasp import read_grasp
+from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.question import CHECK, Question
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
 from handfast.proofs.synthesis import COURSE, NAMES
 from handfast.proofs.tasks import read_task
@@ -45,10 +46,13 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     for name in ("checksum", "record"):
         f.take(name)
     none = f.object("none") if f.has("none") else None
+    bound = f.object("bound") if f.has("bound") else None
     f.done()
     refused = ""
     if none is not None and verdict != "none":
         refused = f"{verdict.upper()} with a proof that there is none"
+    elif bound is not None and verdict != "found":
+        refused = f"{verdict.upper()} with a bound of what grasps hold"
     elif (verdict == "found") != bool(entries):
         refused = f"{verdict.upper()} {'with' if entries else 'without'} a grasp"
     elif verdict != "found" and none is None:
@@ -60,17 +64,21 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     if none is not None and refused:
         return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
     if none is not None:
-        if none.has("fewest_contacts"):
-            part = replay_of_loads(len(task.on_object), loads, terms.friction, none)
-        else:
-            part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, center, none)
+        part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, center, none)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     try:
         equations = ContactEquations.of(task)
     except Refused as fault:
         return Replay("grasps", "", str(fault))
-    parts = tuple(_grasp(entry, equations, terms, loads, f"grasp {k}") for k, entry in enumerate(entries, start=1))
-    return Replay("grasps", "", refused, parts=parts, not_replayed=(NOT_REPLAYED,))
+    parts = [_grasp(entry, equations, terms, loads, f"grasp {k}") for k, entry in enumerate(entries, start=1)]
+    if bound is not None:
+        factor = bound.number("factor", least=0.0)
+        held = max((float(part.figures.get("factor") or 1.0) for part in parts), default=1.0)
+        if factor < held:
+            refused = refused or f"no placement is said to hold the loads {factor:g} times, and a grasp {held:g} times"
+        part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, None, bound, factor)
+        parts.append(replace(part, name="bound"))
+    return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
 
 
 def _same_loads(said: Any, loads: Mapping[str, Array]) -> bool:
@@ -127,6 +135,7 @@ def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping
     existence = read_existence(f.take("existence"))
     joints, grasp = f.named("joints"), read_grasp(f.take("grasp"), f.at("grasp"))
     witnesses = f.object("witnesses")
+    strength = f.object("strength") if f.has("strength") else None
     parts, refused = [check_configuration(equations, existence)], equations.task.misplaced(joints, existence.joints)
     if (grasp.mu != terms.friction).any():
         refused = refused or f"friction at its contacts is not {terms.friction:g}"
@@ -137,19 +146,30 @@ def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping
     most = float(np.abs(grasp.command).max(initial=0.0))
     if most > terms.command_limit * (1 + SAME):
         refused = refused or f"commands go up to {most:g}; the limit is {terms.command_limit:g}"
-    for load, wrench in loads.items():
-        if not witnesses.has(load):
-            refused = refused or f"has no witness of {load}"
-            continue
-        own = witnesses.object(load)
-        state = read_state(own, grasp)
-        own.done()
-        limits = {a: x for a, x in terms.torque_limits.items() if a in grasp.actuators}
-        question = Question(grasp, CHECK, False, wrench, np.zeros(6), terms.eta, True, limits, terms.force_limit, ())
-        found = prove(Problem.of(question, grasp.command, wrench), state)
-        reason = "" if found.exact or found.tolerant else found.reason
-        claim = f"{load} is held" + ("" if found.exact else ", to 1e-9 of the load")
-        parts.append(Replay(load, claim, reason, {"residual": found.residual, "exact": found.exact}))
-    witnesses.done()
+    figures: dict[str, Figure] = {}
+    asked = [(1.0, "", witnesses)]
+    if strength is not None:
+        figures["factor"] = factor = strength.number("factor", least=1.0)
+        asked.append((factor, f"{factor:.4g} times ", strength.object("witnesses")))
+        strength.done()
+    for factor, times, states in asked:
+        for load, wrench in loads.items():
+            if not states.has(load):
+                refused = refused or f"has no witness of {times}{load}"
+                continue
+            parts.append(_held(states.object(load), grasp, terms, times + load, factor * wrench))
+        states.done()
     f.done()
-    return Replay(name, "", refused, parts=tuple(parts))
+    return Replay(name, "", refused, figures, parts=tuple(parts))
+
+
+def _held(f: Fields, grasp: GraspData, terms: _Terms, load: str, wrench: Array) -> Replay:
+    """That a load (6,) is held in the state of a witness."""
+    state = read_state(f, grasp)
+    f.done()
+    limits = {a: x for a, x in terms.torque_limits.items() if a in grasp.actuators}
+    question = Question(grasp, CHECK, False, wrench, np.zeros(6), terms.eta, True, limits, terms.force_limit, ())
+    found = prove(Problem.of(question, grasp.command, wrench), state)
+    reason = "" if found.exact or found.tolerant else found.reason
+    claim = f"{load} is held" + ("" if found.exact else ", to 1e-9 of the load")
+    return Replay(load, claim, reason, {"residual": found.residual, "exact": found.exact})

@@ -10,9 +10,10 @@ in balance (Farkas' lemma). The load may be a sum of several with weights that a
 of them, they balance the sum. A twist may be constant in a box of placements, or that of turning about the line through
 two contacts, wherever these are: both then rest, and only the others have to meet the first condition.
 
-Where normal forces are at most f, the first condition may be missed: at each contact forces then do no less work than
--f (mu |u_t| - n.u), and the load has to do more than all of these. Of a sum of loads f counts as often as all of them:
-the sum of what balances each, by its weight, is no larger.
+Where the normal force at a contact is at most f, the first condition may be missed there: forces then do no less work
+than -f (mu |u_t| - n.u), and the load has to do more than all of these. Of a sum of loads f counts as often as all of
+them: the sum of what balances each, by its weight, is no larger. So there is a factor on the loads from which on a
+twist refutes a box: the proof with a factor says that no placement holds the loads so many times, or more.
 
 A proof is a tree of boxes, halved until each has such a twist. Every box is checked in interval arithmetic. The
 load may be missed by as much as a state that holds may miss it (`tolerance`).
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
-from handfast.proofs.intervals import Dual, Interval, cross, dot, join, sqr, sqrt, unit
+from handfast.proofs.intervals import Dual, Interval, cross, dot, sqr, sqrt, unit
 from handfast.proofs.regions import ContactSide, RegionData
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.tolerance import EPS, LEAST
@@ -37,6 +38,8 @@ BOXES = 8000  # for the distance from the line through two contacts
 TIGHT = 0.95  # of the least distance that was met: a bound that is good enough
 MANY = 2_000_000  # entries of a tree at most
 MORE = 1 + 1e-14  # over the rounding of a bound that is computed in a few steps
+FACTORS = (1e-6, 1e6)  # on the loads: between them the least is looked for that refutes a box
+HALVINGS = 30  # of their logarithm
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,29 +91,42 @@ class Placements:
     Attributes:
         side: the regions. root: (2 K, 2) the whole range of the parameters, two for each contact.
         loads: (k, 6) forces [N] and torques [N m] at the object's origin. friction: coefficient at every contact.
-        force_limit: [N] largest normal force at any contact; inf for none.
+        force_limits: (K,) [N] largest normal force at each contact; inf for none.
+        factor: so many times each load is to be balanced.
     """
 
     side: ContactSide
     root: Array
     loads: Array
     friction: float
-    force_limit: float = np.inf
+    force_limits: Array
+    factor: float = 1.0
 
     @classmethod
     def of(
-        cls, regions: Sequence[RegionData], loads: Array, friction: float, force_limit: float = np.inf
+        cls,
+        regions: Sequence[RegionData],
+        loads: Array,
+        friction: float,
+        force_limits: Array | float = np.inf,
+        factor: float = 1.0,
     ) -> Placements:
-        """Of the object regions of a task."""
+        """Of the object regions of a task; one limit of forces for all contacts, or (K,) of each."""
         columns = np.arange(2 * len(regions)).reshape(-1, 2)
         root = np.concatenate([region.ends for region in regions])
         side = ContactSide.of(regions, columns, still=False)
-        return cls(side, root, np.asarray(loads, dtype=float), friction, force_limit)
+        limits = np.broadcast_to(np.asarray(force_limits, dtype=float), (len(regions),))
+        return cls(side, root, np.asarray(loads, dtype=float), friction, limits, factor)
 
     @property
     def count(self) -> int:
         """K."""
         return len(self.side.columns)
+
+    @property
+    def limited(self) -> Mask:
+        """(K,) at which contacts there is a largest normal force."""
+        return np.isfinite(self.force_limits)
 
     @property
     def sine(self) -> float:
@@ -125,32 +141,39 @@ class Placements:
     def examined(self, boxes: Array, motions: Motions) -> BoxBounds:
         """What the twists show of boxes (N, 2 K, 2)."""
         refuted, reach = np.zeros(len(boxes), dtype=bool), np.full(boxes.shape[:2], np.nan)
+        for some, bounds in self._bounds(boxes, motions):
+            refuted[some], reach[some] = bounds.shown(np.full(len(some), self.factor))
+        return BoxBounds(refuted, reach)
+
+    def least_factors(self, boxes: Array, motions: Motions) -> tuple[Array, Array]:
+        """(N,) the factor on the loads from which on the twists refute boxes (N, 2 K, 2), inf where none is; the reach.
+
+        `factor` does not count. Found by bisection between `FACTORS`.
+        """
+        found, reach = np.full(len(boxes), np.inf), np.full(boxes.shape[:2], np.nan)
+        for some, bounds in self._bounds(boxes, motions):
+            low, high = (np.full(len(some), np.log(x)) for x in FACTORS)
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                shown, _ = bounds.shown(np.exp(middle))
+                low, high = np.where(shown, low, middle), np.where(shown, middle, high)
+            shown, reach[some] = bounds.shown(np.exp(high))
+            found[some] = np.where(shown, np.exp(high), np.inf)
+        return found, reach
+
+    def _bounds(self, boxes: Array, motions: Motions) -> Iterator[tuple[Integers, _WorkBounds]]:
+        """What is computed once for boxes, some of them at a time, with their numbers."""
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
             for line in np.unique(motions.line, axis=0):
                 its = np.flatnonzero((motions.line == line).all(axis=1))
                 for some in _batches(its):
-                    refuted[some], reach[some] = self._examined(boxes[some], motions[some], tuple(line.tolist()))
-        return BoxBounds(refuted, reach)
+                    over, at = Interval.between(*np.moveaxis(boxes[some], 2, 0)), boxes[some].mean(axis=2)
+                    moved = motions[some], tuple(line.tolist())
+                    works = self._works(over, *moved, boxes.shape[1]), self._works(Interval.of(at), *moved, 0)
+                    yield some, _WorkBounds(*works, over - at)
 
-    def _examined(self, boxes: Array, motions: Motions, line: tuple[int, int]) -> tuple[Mask, Array]:
-        over, at = Interval.between(*np.moveaxis(boxes, 2, 0)), boxes.mean(axis=2)
-        rows, least = self._rows(over, motions, line, boxes.shape[1])
-        middle, _ = self._rows(Interval.of(at), motions, line, 0)
-        lower, _ = _mean_value(rows, middle, over - at)
-        shown = lower >= 0
-        shown[:, 0] = lower[:, 0] > least
-        if not np.isfinite(self.force_limit):
-            shown[:, [1 + k for k in line if k >= 0]] = True  # the contacts on the line rest
-        size = _changes(rows, over - at).mag
-        share = size / size.sum(axis=2, keepdims=True)
-        return np.asarray(shown.all(axis=1)), np.where(shown[..., None], 0.0, share).sum(axis=1)
-
-    def _rows(self, x: Interval, motions: Motions, line: tuple[int, int], n: int) -> tuple[Dual, Array]:
-        """(N, 1 + K) work of the load, then n.u - sin |u| of each contact, with n derivatives or none.
-
-        Where forces are limited (N, 1): the work of the load and the least of all contact forces. And (N,) how much
-        work at most the load does that a state may miss.
-        """
+    def _works(self, x: Interval, motions: Motions, line: tuple[int, int], n: int) -> _Works:
+        """At parameters (N, 2 K), with n derivatives or none."""
         at = self.side.over(x) if n else self.side.at(x)
         point, normal = (self.side.spread(a, n) for a in (at.point, at.normal))
         loads = (Interval.of(motions.weights)[:, None] @ self.loads)[:, 0]
@@ -169,15 +192,20 @@ class Placements:
         work = dot(v, Dual.constant(force, n)) + dot(omega, Dual.constant(torque, n))
         pushed = dot(-normal, u)
         missed = self._missed(point.value, about, (v.value, omega.value), motions.weights, line)
-        if np.isfinite(self.force_limit):
+        bounded, free = (
+            [k for k in np.flatnonzero(these).tolist() if k not in line] for these in (self.limited, ~self.limited)
+        )  # the others rest
+        resisted, cones = None, None
+        if bounded:
             slip = sqrt(sqr(u + pushed[..., None] * normal).sum())
-            moved = [k for k in range(self.count) if k not in line]  # the others rest
             most = sqrt(sqr(u.value).sum()).hi * (np.hypot(1.0, self.friction) * MORE)  # whatever the normal is
-            resisted = _positive(slip * self.friction - pushed, most)[..., moved].sum() * self.force_limit
+            short = _positive(slip * self.friction - pushed, most)[..., bounded]
             together = Interval.of(motions.weights).sum()  # forces of each load, by its weight, add up to as much
-            return (work - resisted * Dual.constant(together, n))[..., None], missed
-        cones = pushed - sqrt(sqr(u).sum()) * self.sine if self.friction else pushed
-        return join([work[..., None], cones], -1), missed
+            resisted = (short * self.force_limits[bounded]).sum() * Dual.constant(together, n)
+        if free:
+            its = pushed[..., free]
+            cones = its - sqrt(sqr(u[..., free, :]).sum()) * self.sine if self.friction else its
+        return _Works(work, resisted, cones, missed)
 
     def _missed(
         self, p: Interval, about: Array, twist: tuple[Interval, Interval], weights: Array, line: tuple[int, int]
@@ -241,6 +269,50 @@ class Placements:
         at = self.side.spread(self.side.over(x).point, x.shape[1])
         first, second = (at[..., k, :] for k in (0, 1))
         return cross(first - center, unit(second - first))
+
+
+@dataclass(frozen=True, eq=False)
+class _Works:
+    """What N twists do, with derivatives or none.
+
+    Attributes:
+        work: (N,) of the loads, by their weights.
+        resisted: (N,) what the forces at contacts where they are limited can do against it at most; None if there are
+            none that move.
+        cones: (N, c) n.u - sin |u| of the other contacts that move; None if there are none.
+        missed: (N,) how much work at most the load does that a state may miss.
+    """
+
+    work: Dual
+    resisted: Dual | None
+    cones: Dual | None
+    missed: Array
+
+    def balance(self, factor: Array) -> Dual:
+        """(N, 1) the work of so many times the load, less what is done against it."""
+        work = self.work if (factor == 1).all() else self.work * factor
+        return (work if self.resisted is None else work - self.resisted)[..., None]
+
+
+@dataclass(frozen=True, eq=False)
+class _WorkBounds:
+    """Of N boxes with a twist each: what it does over the box and in its middle, and how far (N, n) the box reaches."""
+
+    over: _Works
+    middle: _Works
+    away: Interval
+
+    def shown(self, factor: Array) -> tuple[Mask, Array]:
+        """(N,) which boxes are refuted where so many times (N,) the loads are to be balanced; (N, n) the reach."""
+        over = self.over.balance(factor)
+        lower, _ = _mean_value(over, self.middle.balance(factor), self.away)
+        shown, sizes = lower > (factor * self.over.missed * MORE)[:, None], _changes(over, self.away).mag
+        if self.over.cones is not None and self.middle.cones is not None:
+            lower, _ = _mean_value(self.over.cones, self.middle.cones, self.away)
+            shown = np.hstack([shown, lower >= 0])
+            sizes = np.concatenate([sizes, _changes(self.over.cones, self.away).mag], axis=1)
+        share = sizes / sizes.sum(axis=2, keepdims=True)
+        return np.asarray(shown.all(axis=1)), np.where(shown[..., None], 0.0, share).sum(axis=1)
 
 
 def _mean_value(over: Dual, middle: Dual, away: Interval) -> tuple[Array, Array]:
@@ -366,29 +438,34 @@ def replay_unbalanced(
     regions: Sequence[RegionData],
     loads: Mapping[str, Array],
     friction: float,
-    force_limit: float,
+    force_limits: Array | float,
     center: Array | None,
     f: Fields,
+    factor: float = 1.0,
 ) -> Replay:
     """The claim that no contact forces balance all of some loads, each alone, wherever the contacts are.
 
     Args:
         regions: of the object, one for each contact. loads: (6,) by name.
-        force_limit: [N] largest normal force at any contact; inf for none.
+        force_limits: [N] largest normal force at any contact, or (K,) at each; inf for none.
         center: (3,) the object's centre of mass if its distance from the line through two contacts is wanted.
+        factor: that so many times these loads are not balanced, nor more.
 
     Raises:
         BadFile: what is wrong with the file.
     """
     names = list(loads)
     tree = UnbalancedTree.read(f, names, len(regions))
-    placements = Placements.of(regions, np.array(list(loads.values())), friction, force_limit)
+    placements = Placements.of(regions, np.array(list(loads.values())), friction, force_limits, factor)
     used = [name for i, name in enumerate(names) if tree.motions.weights[:, i].any()]
-    limit = f" and normal forces up to {force_limit:g} N" if np.isfinite(force_limit) else ""
+    each = placements.force_limits.tolist()
+    most = f"{each[0]:g}" if len(set(each)) == 1 else ", ".join(f"{x:.4g}" if np.isfinite(x) else "any" for x in each)
+    limit = f" and normal forces up to {most} N" if placements.limited.any() else ""
     claim = (
         f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g}{limit} no contact "
     )
-    claim += f"forces balance {'all of ' if len(used) > 1 else ''}{', '.join(used)}"
+    times = "" if factor == 1 else f"{up(factor)} times or more "
+    claim += f"forces balance {times}{'all of ' if len(used) > 1 else ''}{', '.join(used)}"
     figures: dict[str, Figure] = {"boxes": len(tree.entries)}
     try:
         left = tree.checked(placements)
@@ -407,3 +484,9 @@ def down(x: float) -> str:
     """A positive number in three digits, rounded down."""
     unit = 10.0 ** (np.floor(np.log10(x)) - 2)
     return f"{np.floor(x / unit) * unit:.3g}"
+
+
+def up(x: float) -> str:
+    """A positive number in three digits, rounded up."""
+    unit = 10.0 ** (np.floor(np.log10(x)) - 2)
+    return f"{np.ceil(x / unit) * unit:.3g}"

@@ -7,8 +7,8 @@ cores finds the same.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,10 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
 from handfast.planning.evaluation.preload_search import held, held_again
 from handfast.planning.evaluation.steps import GraspRefinement, LineBalance, Steps
+from handfast.planning.filters.balance import CIRCUMSCRIBED, least_load_factor
 from handfast.planning.question import Requirements
 from handfast.planning.search import RejectionReason, Tally, UnitResult, of_verdict
-from handfast.stability.answers import check
+from handfast.stability.answers import CheckAnswer, check
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, moderate
 from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks
@@ -37,6 +38,10 @@ LONGEST, SHORTEST = 0.6, 0.005
 PROGRESS = 1e-4  # of the cost
 EQUAL = 1e-9  # nothing is left to improve: another with nothing wrong will do
 LEAST = 20.0  # [s] in which the least preload of one grasp is looked for
+GROWN = 2  # grasps of a unit of which it is asked how many times the loads they hold
+QUESTIONS = 8  # about each
+GROWING = 10.0  # [s] for each, at most
+CLOSE = 1.01  # factors on the loads that are as near to each other are not told apart
 NEAR_MISSES = 6  # possible candidates of one local search that may fail to hold
 
 
@@ -47,11 +52,21 @@ class Improved:
     Attributes:
         repaired: was it improved from a start that did not hold?
         first: the answer, of which the commands are not the least.
+        strength: what the same preload holds; None unless the largest was asked for.
     """
 
     certified: Certified
     repaired: bool
     first: HoldAnswer
+    strength: Strength | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Strength:
+    """What a grasp holds under its preload: `factor` times every load, each alone, with an answer for each."""
+
+    factor: float
+    checks: tuple[CheckAnswer, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +88,15 @@ class LocalSearch:
     """Runs units of one question; made once, then copied into every process."""
 
     def __init__(
-        self, evaluator: Evaluator, seed: int, requirements: Requirements, seconds_left: float = np.inf
+        self,
+        evaluator: Evaluator,
+        seed: int,
+        requirements: Requirements,
+        seconds_left: float = np.inf,
+        best: str | None = None,
     ) -> None:
-        self.evaluator, self.seed, self.requirements = evaluator, seed, requirements
+        self.evaluator, self.seed, self.requirements, self.best = evaluator, seed, requirements, best
+        self.force_limits = np.full(len(evaluator.task.contact_pairs), requirements.force_limit or np.inf)
         self.starts = Starts(evaluator.problem, seed)
         self.walks = Walks(self.starts)
         self.line = LineBalance(self.walks, evaluator.loads)
@@ -83,7 +104,7 @@ class LocalSearch:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is sent to another machine, with a clock and machine code of its own."""
-        return LocalSearch, (self.evaluator, self.seed, self.requirements, self.end - time.monotonic())
+        return LocalSearch, (self.evaluator, self.seed, self.requirements, self.end - time.monotonic(), self.best)
 
     def warm(self) -> None:
         """Compile what the units need, before the clock starts and before processes are made."""
@@ -92,10 +113,12 @@ class LocalSearch:
 
     def run(self, number: int) -> ConfigurationUnit:
         """Unit `number`."""
-        starts, tally, found = self.starts, Tally(), []
+        starts, tally, found = self.starts, Tally(), list[tuple[GraspCandidate, bool, HoldAnswer]]()
         starts.block, starts.count, starts.unproved = number, number * BLOCK, 0
         steps = Steps(self.evaluator, self.walks, np.random.default_rng([self.seed, number, 2]))
-        refinement, before = GraspRefinement(self.evaluator, steps), self.evaluator.evaluated
+        limited = self.best is not None and np.isfinite(self.force_limits).any()
+        refinement = GraspRefinement(self.evaluator, steps, self.factor_of_forces if limited else None)
+        before = self.evaluator.evaluated
         raw = sorted(self.candidates(starts.run(RAW)), key=_cost)
         used = starts.count - number * BLOCK
         for k, start in enumerate(raw):
@@ -108,9 +131,9 @@ class LocalSearch:
                 better = refinement.refined(end)
                 again = said if better is end else self.first(better.grasp)
                 best, first = (better, again) if again.verdict is Verdict.HOLDS else (end, said)
-                found.append(Improved(best.certified, end is not start, first))
+                found.append((best, end is not start, first))
         evaluated = self.evaluator.evaluated - before
-        return ConfigurationUnit(tally, tuple(found), evaluated, used, starts.unproved, not self.late())
+        return ConfigurationUnit(tally, self.strengths(found), evaluated, used, starts.unproved, not self.late())
 
     def improve(self, start: GraspCandidate, steps: Steps) -> tuple[GraspCandidate, HoldAnswer | RejectionReason]:
         """Improve a candidate until it holds, or no step helps: the answer that holds, or why there is none."""
@@ -148,15 +171,66 @@ class LocalSearch:
 
     def first(self, grasp: Grasp) -> HoldAnswer:
         """The first preload that holds every load, in the time that is left."""
-        left = None if np.isinf(self.end) else max(self.end - time.monotonic(), 0.0)
-        return self.answer(grasp, least=False, timeout=left)
+        return self.answer(grasp, least=False, timeout=self.left())
 
-    def answer(self, grasp: Grasp, *, least: bool, timeout: float | None) -> HoldAnswer:
-        """What `hold` says of a grasp, with the actuators and limits of this question."""
+    def answer(self, grasp: Grasp, *, least: bool, timeout: float | None, factor: float = 1.0) -> HoldAnswer:
+        """What `hold` says of a grasp and so many times the loads, with the actuators and limits of this question."""
         r, loads = self.requirements, self.evaluator.loads
         limit = moderate(grasp, loads) if r.command_limit is None else r.command_limit
         how = {"actuators": r.driven(grasp), "least": least, "command_limit": limit, "timeout": timeout}
-        return held(grasp, loads, r, SETTINGS, **how)
+        return held(grasp, loads if factor == 1 else loads.scaled(factor), r, SETTINGS, **how)
+
+    def factor_of_forces(self, c: GraspCandidate, friction: float = 1.0) -> float:
+        """How many times forces alone can hold the loads at a candidate's contacts; friction: factor on it."""
+        p, n = (np.array([getattr(contact, name) for contact in c.contacts]) for name in ("position", "normal"))
+        e = self.evaluator
+        return least_load_factor(p, n, friction * e.friction, self.force_limits, e.loads.wrenches)
+
+    def strengths(self, found: Sequence[tuple[GraspCandidate, bool, HoldAnswer]]) -> tuple[Improved, ...]:
+        """What a unit found; where the largest loads are asked for, these of the grasps whose forces can do most."""
+        if self.best is None:
+            return tuple(Improved(c.certified, repaired, first) for c, repaired, first in found)
+        out = []
+        for k, (c, repaired, first) in enumerate(sorted(found, key=lambda f: -self.factor_of_forces(f[0]))):
+            answer, strength = self.strongest(c, first) if k < GROWN else (first, Strength(1.0, first.checks))
+            out.append(Improved(c.certified, repaired, answer, strength))
+        return tuple(out)
+
+    def strength_again(self, answer: HoldAnswer, factor: float, field: str) -> Strength:
+        """Asks so many times the loads again under the preload of an answer that holds them; `InputError` if not."""
+        known = answer.preload or {}, answer.lower, answer.upper
+        assert answer.grasp is not None
+        more = held_again(answer.grasp, self.evaluator.loads.scaled(factor), self.requirements, SETTINGS, known, 0)
+        if more is None:
+            raise InputError(f"is not held {factor:g} times", field=field)
+        return Strength(factor, more.checks)
+
+    def strongest(self, c: GraspCandidate, first: HoldAnswer) -> tuple[HoldAnswer, Strength]:
+        """The largest factor on the loads that is found to hold: the answers under one preload, to the loads themselves
+        and to so many times these. By bisection up to what forces alone can do.
+        """
+        low, high = 1.0, self.factor_of_forces(c, CIRCUMSCRIBED)
+        answer, best = first, Strength(1.0, first.checks)
+        for k in range(QUESTIONS):
+            if self.late() or high < CLOSE * low:
+                break
+            between = 2 * low if np.isinf(high) else high / CLOSE if k == 0 else float(np.sqrt(low * high))
+            more = self.answer(c.grasp, least=False, timeout=self.left(GROWING), factor=between)
+            again = None
+            if more.verdict is Verdict.HOLDS:
+                known = more.preload or {}, 0.0, more.upper
+                loaded = c.grasp.with_commands(more.preload or {})
+                again = held_again(loaded, self.evaluator.loads, self.requirements, SETTINGS, known, more.nodes)
+            if again is None:
+                high = between
+            else:
+                low, answer, best = between, replace(again, actuators=more.actuators), Strength(between, more.checks)
+        return answer, best
+
+    def left(self, most: float = np.inf) -> float | None:
+        """[s] that are left, up to so many; None without an end."""
+        seconds = min(most, self.end - time.monotonic())
+        return None if np.isinf(seconds) else max(seconds, 0.0)
 
     def proof(self, certified: Certified) -> HoldAnswer:
         """The least preload that is found for a grasp that holds."""

@@ -7,7 +7,7 @@ for the caller to decide anew.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -115,15 +115,22 @@ class Gradients:
 
 ROUNDS = 12
 LENGTHS = (0.02, 0.06, 0.15)  # of the steps, in the measure of `distance`
+PROGRESS = 1e-3  # in the quality, at least
 ENOUGH = 0.15  # of the range between a joint's limits, or of a patch's side: more room than that is not asked for
 SHALLOW = 1e-3  # [m] of overlap, or share of friction short, that weighs as much as `ENOUGH` of room
 
 
 class GraspRefinement:
-    """Improves candidates that nothing forbids."""
+    """Improves candidates that nothing forbids.
 
-    def __init__(self, evaluator: Evaluator, steps: Steps) -> None:
-        self.evaluator, self.steps = evaluator, steps
+    Args:
+        value: of a candidate, to be made as large as it gets; by default room to the limits.
+    """
+
+    def __init__(
+        self, evaluator: Evaluator, steps: Steps, value: Callable[[GraspCandidate], float] | None = None
+    ) -> None:
+        self.evaluator, self.steps, self.quality = evaluator, steps, value or self.room_quality
         problem = evaluator.problem
         self.width = problem.flat.coordinates.upper - problem.flat.coordinates.lower
         self.bounded: Mask = np.array(
@@ -135,21 +142,21 @@ class GraspRefinement:
 
     def refined(self, c: GraspCandidate) -> GraspCandidate:
         """The best candidate on the way, which may be the first."""
-        now, fails = c, 0
+        now, least, fails = c, self.quality(c) + PROGRESS, 0
         for round_ in range(ROUNDS):
             inwards = self.inwards(now) if round_ % 2 == 0 else None
             new = self.steps.anywhere(now, LENGTHS) if inwards is None else self.steps.along(now, inwards, LENGTHS)
             found = [k for k in (self.evaluator.candidate(x) for x in new) if k and k.possible]
-            best = max(found, key=self.quality, default=now)
-            if self.quality(best) > self.quality(now) + 1e-3:
-                now, fails = best, 0
+            value, best = max(((self.quality(k), k) for k in found), key=lambda of: of[0], default=(-np.inf, now))
+            if value > least:
+                now, least, fails = best, value + PROGRESS, 0
             else:
                 fails += 1
                 if fails == 4:
                     break
         return now
 
-    def quality(self, c: GraspCandidate) -> float:
+    def room_quality(self, c: GraspCandidate) -> float:
         """Room to the limits, up to enough of it, less overlap and friction that is missing at a smaller share."""
         overlap = min(c.clearances.least_to_object, c.clearances.least_between, 0.0)
         return min(float(self.room(c).min(initial=ENOUGH)), ENOUGH) / ENOUGH + overlap / SHALLOW - c.cost

@@ -104,6 +104,75 @@ def held_by_contacts(body: Body, loads: Loads, force_limit: float = np.inf, fric
     return Held(tuple(solids), center, loads.wrenches, mu, force_limit)
 
 
+# --- limited forces --------------------------------------------------------------------------------
+
+
+def least_load_factor(
+    points: Array, normals: Array, friction: float, limits: Array, loads: Array, *, least: float = 0.0
+) -> float:
+    """The largest factor at which forces in inscribed pyramids balance every load (k, 6), each alone; see below.
+
+    least: one that is not larger need not be the least of all loads.
+    """
+    found = np.inf
+    for load in loads:
+        found = min(found, load_factor(points, normals, friction, limits, load)[0])
+        if found <= least:
+            break
+    return found
+
+
+def load_factor(
+    points: Array, normals: Array, friction: float, limits: Array, load: Array, edges: int = EDGES
+) -> tuple[float, Array]:
+    """The largest factor at which contact forces balance a load (6,), and the twist (6,) of the object that shows it.
+
+    A linear program, solved in its dual form: of all twists on which the load does a work of 1, that on which the
+    forces can do least against it. Where no limit of forces counts, the factor is inf and the twist 0.
+
+    Args:
+        points, normals: (K, ..., 3) [m], inward; forces of a contact with several may be at any of them.
+        friction: coefficient; the cones are inscribed pyramids of so many edges.
+        limits: (K,) [N] of the normal forces, inf for none.
+    """
+    from scipy.optimize import linprog
+
+    K, everywhere = len(points), points.reshape(-1, 3)
+    center = everywhere.mean(axis=0)
+    size = max(float(np.linalg.norm(everywhere - center, axis=1).max()), POINT)
+    wrenches = pyramid_wrenches(points, normals, friction, center, size, edges)
+    own = np.r_[load[:3], (load[3:] - np.cross(center, load[:3])) / size]
+    length, limited = float(np.linalg.norm(own)), np.isfinite(limits)
+    if not (length and limited.any()):
+        return np.inf, np.zeros(6)
+    most = float(limits[limited].max())
+    rows = -np.hstack([wrenches.reshape(-1, 6), np.repeat(np.eye(K), wrenches.shape[1], axis=0)])
+    cost = np.r_[np.zeros(6), np.where(limited, limits, 0.0) / most]
+    ends = [(None, None)] * 6 + [(0.0, None if bound else 0.0) for bound in limited.tolist()]
+    due = np.r_[own / length, np.zeros(K)][None]
+    done = linprog(cost, A_ub=rows, b_ub=np.zeros(len(rows)), A_eq=due, b_eq=[1.0], bounds=ends)
+    if done.status != 0:
+        return np.inf, np.zeros(6)
+    z = done.x[:6]
+    return float(done.fun) * most / length, np.r_[z[:3] - np.cross(z[3:] / size, center), z[3:] / size]
+
+
+def pyramid_wrenches(
+    points: Array, normals: Array, friction: float, center: Array, size: float, edges: int = EDGES
+) -> Array:
+    """(K, M, 6) about a centre, torques over a size: forces of normal part 1 along edges of pyramids about normals.
+
+    points, normals: (K, ..., 3).
+    """
+    first = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=-1)])
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    angle = (2 * np.pi / edges * np.arange(edges)).reshape(-1, *[1] * normals.ndim)
+    around = np.cos(angle) * first + np.sin(angle) * np.cross(normals, first)
+    force = normals + friction * around
+    out = np.concatenate([force, np.cross((points - center) / size, force)], axis=-1)
+    return np.asarray(np.moveaxis(out, 0, 1).reshape(len(points), -1, 6))
+
+
 # --- squeezes ---------------------------------------------------------------------------------------
 
 

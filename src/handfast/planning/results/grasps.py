@@ -19,6 +19,8 @@ from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.evaluator import Derived
+from handfast.planning.evaluation.local_search import Strength
+from handfast.planning.load_bound import BoundSearched
 from handfast.planning.no_balance import BalanceSearched
 from handfast.planning.question import Requirements
 from handfast.planning.ranking import rank
@@ -29,8 +31,10 @@ from handfast.planning.results.verify import verify
 from handfast.planning.search import Tally
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
+from handfast.stability.answers import CheckAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.model import State
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis
@@ -52,6 +56,7 @@ class ProvedGrasp(Presented):
         dexterity: manipulability and distance to the joint limits.
         friction_margin: share of the friction without which forces could still balance every load.
         repaired: was it improved from a start that did not hold?
+        strength: how many times all loads the preload holds, with an answer for each; None where that was not asked.
         score: mean rank share among the grasps of one answer, 1 for one that is best in everything.
     """
 
@@ -65,6 +70,7 @@ class ProvedGrasp(Presented):
     dexterity: Dexterity
     friction_margin: float
     repaired: bool
+    strength: Strength | None = None
     score: float = 0.0
 
     @property
@@ -112,6 +118,7 @@ class ProvedGrasp(Presented):
         """What the search says of it, and no replay can: shapes, other grasps and certificates are not at hand."""
         return {
             "score": self.score,
+            "factor": self.strength.factor if self.strength else None,
             "repaired": self.repaired,
             "fragile": self.fragile,
             "lower": finite(self.answer.lower),
@@ -122,11 +129,14 @@ class ProvedGrasp(Presented):
     @property
     def saved(self) -> SavedGrasp:
         """As a file holds it."""
-        checks = zip(self.answer.loads.names, self.answer.checks, strict=True)
-        witnesses = {name: a.witness.state for name, a in checks if a.witness}
+        witnesses = self._states(self.answer.checks)
+        strength = (self.strength.factor, self._states(self.strength.checks)) if self.strength else None
         said = grasp_file.to_dict(self.grasp)
         joints = self.solution.task.hand.values(self.q)
-        return SavedGrasp(self.solution, joints, self.grasp, said, witnesses, self.derived.to_json())
+        return SavedGrasp(self.solution, joints, self.grasp, said, witnesses, self.derived.to_json(), strength)
+
+    def _states(self, checks: Sequence[CheckAnswer]) -> dict[str, State]:
+        return {name: a.witness.state for name, a in zip(self.answer.loads.names, checks, strict=True) if a.witness}
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints for it."""
@@ -149,6 +159,8 @@ class Grasps(Presented):
         balance: how far the proof has come that no contact forces balance the loads; None with a grasp.
         requirements: friction, actuators and limits, as asked.
         search: how far it has come, to go on from.
+        bound: so many times the loads no placement of the contacts holds; None unless the best was asked for, and
+            where a limit of the contact forces is missing.
     """
 
     task: Task = field(repr=False)
@@ -168,6 +180,7 @@ class Grasps(Presented):
     balance: BalanceSearched | None = field(kw_only=True)
     requirements: Requirements = field(kw_only=True, repr=False)
     search: SavedSearch = field(kw_only=True, repr=False)
+    bound: BoundSearched | None = field(default=None, kw_only=True)
 
     @property
     def nodes(self) -> int:
@@ -193,6 +206,7 @@ class Grasps(Presented):
             "judged": self.evaluated,
             "fates": self.tally.to_json("holds", REASONS),
             "balance": self.balance.to_json() if self.balance else None,
+            "bound": self.bound.to_json() if self.bound else None,
         }
 
     @property
@@ -203,9 +217,8 @@ class Grasps(Presented):
         record = {k: v for k, v in self.noted.items() if k not in ("schema", "query", "verdict")}
         record |= {"count": self.count, "grasps": [g.noted for g in self.grasps]}
         saved = [g.saved for g in self.grasps]
-        return SavedGrasps.of(
-            self.task, thing, self.loads, self.requirements, self.verdict, saved, record, self.proof_of_none
-        )
+        proofs = {"none": self.proof_of_none, "bound": self.bound.proof if self.bound and saved else None}
+        return SavedGrasps.of(self.task, thing, self.loads, self.requirements, self.verdict, saved, record, **proofs)
 
     def verify(self) -> Replay:
         """Everything that is proved of the grasps, checked again without any search, see `results.verify`."""
@@ -221,7 +234,7 @@ class Grasps(Presented):
 
 
 def ranked(grasps: Sequence[ProvedGrasp]) -> tuple[ProvedGrasp, ...]:
-    """Best first, with their scores."""
+    """Best first, with their scores; those that hold the largest multiple of the loads, where that was asked."""
     scores = rank([g.terms for g in grasps])
     scored = [replace(g, score=s) for g, s in zip(grasps, scores, strict=True)]
-    return tuple(sorted(scored, key=lambda g: -g.score))
+    return tuple(sorted(scored, key=lambda g: (-g.strength.factor if g.strength else 0.0, -g.score)))

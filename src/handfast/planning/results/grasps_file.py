@@ -98,6 +98,13 @@ class LoadWitnessEntry(Strict):
     torsion: list[Finite] | None = None
 
 
+class StrengthEntry(Strict):
+    """So many times each load is held under the same preload: a witness by the names of the loads."""
+
+    factor: Annotated[float, Field(ge=1)]
+    witnesses: dict[str, LoadWitnessEntry]
+
+
 class GraspEntry(Strict):
     """`joints` are all of the hand, `grasp` a `handfast/grasp/1` object, `witnesses` by the names of the loads."""
 
@@ -105,6 +112,7 @@ class GraspEntry(Strict):
     joints: dict[str, Finite]
     grasp: dict[str, Any]
     witnesses: dict[str, LoadWitnessEntry]
+    strength: StrengthEntry | None = None
 
 
 class GraspsAnswerEntry(Strict):
@@ -150,6 +158,7 @@ class GraspsFile(Strict):
     record: dict[str, Any]
     grasps: list[GraspEntry]
     none: dict[str, Any] | None = None
+    bound: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +171,7 @@ class SavedGrasp:
         grasp: with its preload; `said`: the JSON that it was read from.
         witnesses: name of a load -> its state.
         answer: what the answer says of it, JSON.
+        strength: a factor on the loads and a state for each of these; None where that was not asked.
     """
 
     solution: Solution
@@ -170,6 +180,7 @@ class SavedGrasp:
     said: dict[str, Any]
     witnesses: dict[str, State]
     answer: dict[str, Any]
+    strength: tuple[float, dict[str, State]] | None = None
 
     @property
     def q(self) -> Array:
@@ -190,6 +201,7 @@ class SavedGrasps:
         record: what the search noted; nothing of it is proved.
         question: SHA-256 of task, motors and question as they stand in the file.
         none: the proof that no contact forces balance the loads; None without one.
+        bound: the proof that no placement holds the loads so many times; None without one.
     """
 
     task: Task
@@ -201,6 +213,7 @@ class SavedGrasps:
     record: dict[str, Any]
     question: str
     none: Mapping[str, Any] | None = None
+    bound: Mapping[str, Any] | None = None
 
     @classmethod
     def of(
@@ -212,9 +225,9 @@ class SavedGrasps:
         verdict: Reach,
         grasps: Sequence[SavedGrasp],
         record: dict[str, Any],
-        none: Mapping[str, Any] | None = None,
+        **proofs: Mapping[str, Any] | None,
     ) -> SavedGrasps:
-        """An answer as a file would hold it."""
+        """An answer as a file would hold it; proofs: `none` and `bound`."""
         question = asked_digest(_primary(task, object, loads, requirements))
         answer = GraspsAnswerEntry(
             schema="handfast/answer/1",
@@ -224,7 +237,7 @@ class SavedGrasps:
             loads=loads.by_name,
             grasps=[g.answer for g in grasps],
         )
-        return cls(task, object, loads, requirements, tuple(grasps), answer, record, question, none)
+        return cls(task, object, loads, requirements, tuple(grasps), answer, record, question, **proofs)
 
 
 # --- writing ----------------------------------------------------------------------------------------
@@ -238,7 +251,7 @@ def to_dict(saved: SavedGrasps) -> dict[str, Any]:
         "record": saved.record,
         "grasps": [_entry(g) for g in saved.grasps],
     }
-    data |= {} if saved.none is None else {"none": dict(saved.none)}
+    data |= {name: dict(proof) for name, proof in (("none", saved.none), ("bound", saved.bound)) if proof is not None}
     return sealed(_primary(saved.task, saved.object, saved.loads, saved.requirements) | data)
 
 
@@ -276,7 +289,11 @@ def loads_to_dict(loads: Loads) -> dict[str, Any]:
 
 
 def _entry(g: SavedGrasp) -> dict[str, Any]:
-    return {
+    strength: dict[str, Any] = {}
+    if g.strength:
+        factor, states = g.strength
+        strength = {"strength": {"factor": factor, "witnesses": {name: state_json(s) for name, s in states.items()}}}
+    return strength | {
         "existence": g.solution.existence.to_json(),
         "joints": g.joints,
         "grasp": g.said,
@@ -310,8 +327,9 @@ def from_dict(data: Any) -> SavedGrasps:
         _grasp(task, e, answer, f"grasps[{i}]")
         for i, (e, answer) in enumerate(zip(entry.grasps, said.grasps, strict=True))
     )
+    proofs = {"none": entry.none, "bound": entry.bound}
     return SavedGrasps(
-        task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data), entry.none
+        task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data), **proofs
     )
 
 
@@ -337,15 +355,20 @@ def _grasp(task: Task, e: GraspEntry, answer: dict[str, Any], field: str) -> Sav
     try:
         if set(e.joints) != set(task.hand.joint_names):
             raise InputError(f"are not those of the hand: {', '.join(task.hand.joint_names)}", field="joints")
-        states = {n: s.model_dump(exclude_none=True) for n, s in e.witnesses.items()}
-        witnesses = {n: State(**{k: np.array(v) for k, v in s.items()}) for n, s in states.items()}
+        witnesses = _states(e.witnesses)
+        strength = (e.strength.factor, _states(e.strength.witnesses)) if e.strength else None
         try:
             grasp = grasp_file.from_dict(e.grasp)
         except InputError as fault:
             raise fault.within("grasp") from None
-        return SavedGrasp(solution, e.joints, grasp, e.grasp, witnesses, answer)
+        return SavedGrasp(solution, e.joints, grasp, e.grasp, witnesses, answer, strength)
     except InputError as fault:
         raise fault.within(field) from None
+
+
+def _states(entries: Mapping[str, LoadWitnessEntry]) -> dict[str, State]:
+    states = {n: s.model_dump(exclude_none=True) for n, s in entries.items()}
+    return {n: State(**{k: np.array(v) for k, v in s.items()}) for n, s in states.items()}
 
 
 # --- motors -----------------------------------------------------------------------------------------

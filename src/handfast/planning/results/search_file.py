@@ -29,10 +29,14 @@ REASONS = (  # that the file counts
 )
 Count = Annotated[int, Field(ge=0)]
 Bound = Annotated[float, Field(ge=0)]
+Factor = Annotated[float, Field(ge=1)]
 
 
 class FoundEntry(Strict):
-    """A grasp as it is remembered: where it is, whether it was improved, the preload and the bounds of its command."""
+    """A grasp as it is remembered: where it is, whether it was improved, the preload and the bounds of its command.
+
+    `factor`: so many times the loads it was found to hold; None where that was not asked.
+    """
 
     existence: dict[str, Any]
     repaired: bool
@@ -40,6 +44,7 @@ class FoundEntry(Strict):
     lower: Bound
     upper: Bound
     nodes: Count
+    factor: Factor | None = None
 
     def proof(self, task: Task, field: str) -> Existence:
         """That its configuration exists, not replayed; `InputError` if it cannot be one of the task."""
@@ -55,6 +60,7 @@ class SavedSearch(Strict):
         found: those that differ from each other, in the order in which they were found.
         seconds: spent.
         balance: boxes of the search for a proof that no forces balance the loads, while it is going on.
+        bound: boxes of the search for what no placement can hold, with the factor.
     """
 
     format: Literal["handfast/search/1"] = Field(alias="schema")
@@ -67,6 +73,7 @@ class SavedSearch(Strict):
     seconds: float
     found: list[FoundEntry]
     balance: dict[str, Any] | None = None
+    bound: dict[str, Any] | None = None
 
     @property
     def tally(self) -> Tally:
