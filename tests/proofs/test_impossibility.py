@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from handfast.core.arrays import Array
-from handfast.model.region import Bezier
-from handfast.proofs.impossibility import Impossibility, _Conditions, impossible
+from handfast.proofs.impossibility import Conditions, Impossibility, impossible
 from handfast.proofs.replay import Refused
 from handfast.synthesis.task import PoseBounds, Task
-from tests.support.holds import LARGE, OPEN, flat_grip, grip, pinch
+from tests.support.holds import LARGE, OPEN, flat_grip, grip, pinch, turned
 from tests.support.planted_proofs import PlantedProof, data_of, limited, odd_case, pose_of, sah_case
 
 CASES = [*(("sah", k) for k in range(10)), *(("odd", k) for k in range(10))]
@@ -37,7 +36,7 @@ def test_a_planted_configuration_meets_every_condition(kind: str, seed: int) -> 
     case = planted(kind, seed)
     x = coordinates(case)
     with np.errstate(all="ignore"):
-        conditions = _Conditions.of(data_of(case.task), True)
+        conditions = Conditions.of(data_of(case.task), True)
     rows = conditions.at(np.stack([x, x], axis=1)[None])
     assert rows.possible.all()
     assert (np.abs(rows.middle.mid) <= rows.tolerance + 1e-9).all()
@@ -52,7 +51,7 @@ def test_boxes_around_a_planted_configuration_keep_it(kind: str, seed: int, size
     case, rng = planted(kind, seed), np.random.default_rng(seed)
     x = coordinates(case)
     with np.errstate(all="ignore"):
-        conditions = _Conditions.of(data_of(case.task), True)
+        conditions = Conditions.of(data_of(case.task), True)
     lower, upper = conditions.root.T
     ends = [x + sign * size * rng.random((20, len(x))) * (upper - lower) for sign in (-1, 1)]
     boxes = np.clip(np.stack(ends, axis=2), lower[:, None], upper[:, None])
@@ -68,12 +67,6 @@ def test_what_is_possible_is_never_shown_impossible(kind: str, seed: int) -> Non
     done = impossible(data_of(case.task), range(len(case.task.contact_pairs)), origin=True, boxes=300)
     assert not done.shown
     assert done.discarded < 1
-
-
-def turned(task: Task) -> Task:
-    """With the second region of the object facing the other way."""
-    a, b = task.contact_pairs
-    return replace(task, contact_pairs=(a, replace(b, object=Bezier(b.object.points, not b.object.flip))))
 
 
 def upright(axis: int, along: int) -> PoseBounds:

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from handfast.proofs.fields import BadFile
+from handfast.proofs.pose_by_pose import impossible_at_every_pose
 from handfast.proofs.replay import Replay
 from handfast.proofs.synthesis import COURSE, NAMES, replay
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.task_file import load_task
-from tests.support.holds import LARGE, grip, pinch
+from tests.support.holds import LARGE, grip, pinch, turned
 from tests.support.places import ROOT
 
 Data = dict[str, Any]
@@ -30,6 +32,7 @@ def _text(name: str) -> str:
     answers = {
         "found": lambda: synthesize(pinch(), count=2),
         "none": lambda: synthesize(grip(0.12)),
+        "turned": lambda: synthesize(turned(grip(0.05))),
         "undecided": lambda: synthesize(pinch(LARGE), timeout=None, nodes=2000, seed=3),
     }
     return json.dumps(answers[name]().to_file())
@@ -81,6 +84,35 @@ def test_nothing_is_claimed_of_an_undecided_answer() -> None:
     assert done.not_replayed[1:] == (COURSE, NAMES)
 
 
+def of_poses(name: str, boxes: int, monkeypatch: pytest.MonkeyPatch) -> Replay:
+    """A file that says that nothing is left pose by pose."""
+    monkeypatch.setattr(
+        "handfast.proofs.synthesis.impossible_at_every_pose", partial(impossible_at_every_pose, boxes=boxes)
+    )
+    return replay(changed(name, of_search(by="all contacts, pose by pose")))
+
+
+def test_what_is_proved_of_none_pose_by_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = of_poses("turned", 5000, monkeypatch)
+    assert (done.ok, done.not_replayed) == (True, (COURSE, NAMES))
+    claim = r"all contacts, pose by pose exclude each other, by \d+ boxes of the checker's own"
+    assert re.fullmatch(claim, done.parts[0].claim)
+
+
+def test_a_forged_none_of_a_possible_task_is_not_accepted_pose_by_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = changed("none", of_search(by="all contacts, pose by pose"))
+    data["task"] = json.loads(_text("found"))["task"]
+    monkeypatch.setattr(
+        "handfast.proofs.synthesis.impossible_at_every_pose", partial(impossible_at_every_pose, boxes=1000)
+    )
+    done = replay(data)
+    assert not done.ok
+    assert not done.replayed
+    assert "of all contacts, pose by pose the checker by itself could discard" in done.reason
+    data["answer"]["searched"]["by"] = "all contacts, pose by pose, more or less"
+    assert "'all contacts, pose by pose, more or less' names no contacts of the task" in replay(data).reason
+
+
 # --- keys that contradict each other ---
 
 
@@ -111,7 +143,11 @@ CONTRADICTIONS: list[tuple[str, Change, str]] = [
     ("none", of_search(pending=1), "NONE of a search that discarded less than all or did not end"),
     ("none", lambda d: d.update(state={}), "NONE with a state to go on from"),
     ("none", of_search(by="contact 0"), "NONE rests on the search itself, ask it again: of contact 0 the checker"),
-    ("none", of_search(by="contacts 0 and 5"), "NONE rests on the search itself, ask it again: a search pose by pose"),
+    (
+        "none",
+        of_search(by="contacts 0 and 5"),
+        "NONE rests on the search itself, ask it again: 'contacts 0 and 5' names no",
+    ),
     ("undecided", lambda d: d.update(state=None), "UNDECIDED without a state to go on from"),
     ("undecided", of_search(discarded=1.0), "UNDECIDED of a search that discarded all"),
     ("undecided", said(stop="complete"), "UNDECIDED of a search that is complete"),

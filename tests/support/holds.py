@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,3 +63,9 @@ def grip_file(width: float = 0.05) -> dict[str, Any]:
         "hand": "parallel-gripper",
         "contacts": [contact(1.0, "left_finger"), contact(-1.0, "right_finger")],
     }
+
+
+def turned(task: Task) -> Task:
+    """With the second region of the object facing the other way."""
+    a, b = task.contact_pairs
+    return replace(task, contact_pairs=(a, replace(b, object=Bezier(b.object.points, not b.object.flip))))

@@ -104,9 +104,9 @@ def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("by", "why"),
     [
-        ("all contacts, pose by pose", "a search pose by pose cannot be replayed"),
-        ("contacts 0 and 2", "a search pose by pose cannot be replayed"),
-        ("contacts 1 and 0", "a search pose by pose cannot be replayed"),
+        ("all contacts", "'all contacts' names no contacts of the task"),
+        ("contacts 0 and 2", "'contacts 0 and 2' names no contacts of the task"),
+        ("contacts 1 and 0", "'contacts 1 and 0' names no contacts of the task"),
         ("contact 0", r"of contact 0 the checker by itself could discard 0 % of the space in 0 boxes"),
         (
             "contact 0 and the object's position",

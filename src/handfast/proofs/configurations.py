@@ -319,12 +319,13 @@ class Bounds:
             elif hand.half_angle < np.pi:
                 cosine = float(cos(Interval.of(hand.half_angle)).hi)
                 found.append((f"contact:{k}:cone", cosine, np.inf, turned + 9 + k))
-        labels, lower, upper, where = zip(*(one for one in found if one[1] > -np.inf or one[2] < np.inf), strict=True)
-        return cls(labels, np.array(lower), np.array(upper), np.array(where))
+        found = [one for one in found if one[1] > -np.inf or one[2] < np.inf]
+        lower, upper = np.array([ends[1:3] for ends in found]).reshape(-1, 2).T
+        return cls(tuple(one[0] for one in found), lower, upper, np.array([one[3] for one in found], dtype=np.int64))
 
     def values(self, at: Values) -> Interval:
         """(N, B) what is bounded."""
-        return join([at.coordinates, at.joints, at.rotation.reshape(-1, 9), at.opposite], -1)[..., self.column]
+        return join([at.coordinates, at.joints, at.rotation.reshape(-1, 9), at.opposite.value], -1)[..., self.column]
 
     def slacks(self, inside: Interval) -> list[dict[str, float]]:
         """(N,) by what each bound is missed at least by values (N, B), by label; NaN where one of them is."""

@@ -50,7 +50,7 @@ class Values:
         position, rotation: (N, 3), (N, 3, 3) of the object.
         point, normal: (N, K, 3) of the object at the contacts, in the palm frame.
         axis: (N, K, 3) of the hand's cap, or its outward normal. opposite: (N, K) `Sides.sign` times axis times
-            normal: the cosine of the angle at which hand and object face each other.
+            normal: the cosine of the angle at which hand and object face each other; with derivatives (n, N, K).
     """
 
     coordinates: Interval
@@ -62,7 +62,7 @@ class Values:
     point: Interval
     normal: Interval
     axis: Interval
-    opposite: Interval
+    opposite: Dual
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,16 +168,14 @@ class ContactEquations:
         position = x[..., self.place].reshape(N, 1, 3)
         gap = there - turned[..., 0, :] - position
         gap.slope.ends[self.place] = -np.eye(3)[:, None, None, :, None] * [-1.0, 1.0]
-        facing = dot(axis.value, turned.value[..., 1, :])
+        opposite = dot(axis, turned[..., 1, :]) * sides.sign[:, 0]
         F = gap
         if tangents:
             F = join([gap, dot(axis[..., None, :], turned[..., 2:, :])], -1)
         F = Dual(F.value.reshape(N, -1)[:, self.rows], F.slope.reshape(n, N, -1)[..., self.rows])
         normal = turned.value[..., 1, :]
         point = turned.value[..., 0, :] - normal * sides.radius + position
-        return Values(
-            x, F, gap.value, sides.drive.at(x), position[:, 0], R, point, normal, axis.value, facing * sides.sign[:, 0]
-        )
+        return Values(x, F, gap.value, sides.drive.at(x), position[:, 0], R, point, normal, axis.value, opposite)
 
 
 def rotations(q: Interval) -> tuple[Interval, Interval]:

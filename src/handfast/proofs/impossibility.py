@@ -60,7 +60,7 @@ def impossible(task: TaskData, contacts: Sequence[int], *, origin: bool = False,
         Refused: couplings and limits that contradict each other, links that do not stand at rotations.
     """
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which discards nothing
-        conditions = _Conditions.of(task.part(contacts), origin)
+        conditions = Conditions.of(task.part(contacts), origin)
         stack, share = [conditions.root], [1.0]
         seen, discarded = 0, 0.0
         whole = np.ptp(conditions.root, axis=1)
@@ -110,7 +110,7 @@ class _ConditionValues:
 
 
 @dataclass(frozen=True, eq=False)
-class _Conditions:
+class Conditions:
     """Those of a set of contacts, their constants prepared.
 
     Attributes:
@@ -136,15 +136,11 @@ class _Conditions:
     line: Integers
 
     @classmethod
-    def of(cls, task: TaskData, origin: bool) -> _Conditions:
+    def of(cls, task: TaskData, origin: bool) -> Conditions:
         sides, K = Sides.of(task, [f"position:{i}" for i in range(3)] if origin else []), len(task.links)
         place = [sides.column[f"position:{i}"] for i in range(3)] if origin else []
-        root = np.zeros((len(sides.column), 2))
-        root[: len(task.free)] = task.hand.limits[list(task.free)].reshape(-1, 2)
+        root = whole(task, sides)
         root[place] = task.position[: len(place)]
-        for side, regions in ((sides.object, task.on_object), (sides.hand, task.on_hand)):
-            for its, region in zip(side.columns, regions, strict=True):
-                root[its[its >= 0]] = region.ends[its >= 0]
         two, (axes, around_axes) = list(combinations(range(K + origin), 2)), _cones(task.axes)
         along = [(k, n) for n, t in enumerate(two) for k in t if k < K]
         along += [(K + i, n) for n in range(len(two)) for i in range(len(around_axes))]
@@ -162,7 +158,12 @@ class _Conditions:
         )
         return made._sized()
 
-    def _sized(self) -> _Conditions:
+    @property
+    def position(self) -> Array:
+        """(3, 2) where the origin can be, if it counts."""
+        return self.root[self.place]
+
+    def _sized(self) -> Conditions:
         """With its size, and a finite place of the origin: no farther than a contact on the hand and on the object."""
         x = Interval.between(self.root[None, :, 0], self.root[None, :, 1])
         on_hand, _ = self.sides.on_hand(x, 0)
@@ -219,26 +220,51 @@ class _Conditions:
     def narrowed(self, box: Array) -> tuple[Mask, Array, Array]:
         """Which of boxes (N, n, 2) may hold a configuration; where in them; what each side changes (N, n, C)."""
         rows = self.at(box)
-        tolerance = Interval.between(-rows.tolerance, rows.tolerance)
         slope = Interval(rows.value.slope.ends.swapaxes(0, 1))  # (N, n, C)
-        away = Interval.between(box[..., 0], box[..., 1]) - rows.at
-        by = slope * away[..., None]
-        total = by.ends.sum(axis=1)
-        loss = (by.mag.sum(axis=1) * ((box.shape[1] + 4) * ULP) + TINY)[..., None]
-        linear, plain = rows.middle + Interval(total + loss), rows.value.value
-        low, high = np.fmax(plain.lo, linear.lo), np.fmin(plain.hi, linear.hi)
-        alive = rows.possible & ~((low > rows.tolerance) | (high < -rows.tolerance)).any(axis=1)
-        # what a condition leaves of a side when the others may be anything in the box
-        rest = Interval((total + loss)[:, None] - by.ends)
-        left = ((tolerance - rows.middle)[:, None] - rest) / slope  # (N, n, C)
-        new = left + rows.at[..., None]
-        lower = np.fmax(box[..., 0], np.fmax.reduce(new.lo, axis=2))
-        upper = np.fmin(box[..., 1], np.fmin.reduce(new.hi, axis=2))
-        alive &= ~(lower > upper).any(axis=1)
-        kept = np.where(alive[:, None], lower, box[..., 0]), np.where(alive[:, None], upper, box[..., 1])
+        alive, kept, reach = narrowed_by(box, rows.at, rows.value.value, rows.middle, slope, rows.tolerance)
+        alive &= rows.possible
+        kept = np.where(alive[:, None, None], kept, box)
         C, T, S = (index.shape[1] for index in (self.two, self.directed, self.line))
         unit = np.repeat([self.size**2, 1.0, self.size], [C, T, S])
-        return np.asarray(alive), np.stack(kept, axis=2), by.mag / unit
+        return alive, kept, reach / unit
+
+
+def whole(task: TaskData, sides: Sides) -> Array:
+    """(n, 2) where joints and parameters can be; 0 for what the object's pose has."""
+    root = np.zeros((len(sides.column), 2))
+    root[: len(task.free)] = task.hand.limits[list(task.free)].reshape(-1, 2)
+    for side, regions in ((sides.object, task.on_object), (sides.hand, task.on_hand)):
+        for its, region in zip(side.columns, regions, strict=True):
+            root[its[its >= 0]] = region.ends[its >= 0]
+    return root
+
+
+def narrowed_by(
+    box: Array, at: Array, value: Interval, middle: Interval, slope: Interval, tolerance: Array
+) -> tuple[Mask, Array, Array]:
+    """Boxes (N, n, 2) where C rows are between -tolerance and tolerance, (N, C): which may be, and where in them.
+
+    And what each side changes of each row, (N, n, C).
+
+    Args:
+        value: (N, C) of the rows over the boxes. at: (N, n) points in them. middle: (N, C) of the rows there.
+        slope: (N, n, C) their derivatives over the boxes.
+    """
+    away = Interval.between(box[..., 0], box[..., 1]) - at
+    by = slope * away[..., None]
+    total = by.ends.sum(axis=1)
+    loss = (by.mag.sum(axis=1) * ((box.shape[1] + 4) * ULP) + TINY)[..., None]
+    linear = middle + Interval(total + loss)
+    low, high = np.fmax(value.lo, linear.lo), np.fmin(value.hi, linear.hi)
+    alive = ~((low > tolerance) | (high < -tolerance)).any(axis=1)
+    # what a row leaves of a side when the others may be anything in the box
+    rest = Interval((total + loss)[:, None] - by.ends)
+    left = ((Interval.between(-tolerance, tolerance) - middle)[:, None] - rest) / slope  # (N, n, C)
+    new = left + at[..., None]
+    lower = np.fmax(box[..., 0], np.fmax.reduce(new.lo, axis=2))
+    upper = np.fmin(box[..., 1], np.fmin.reduce(new.hi, axis=2))
+    alive &= ~(lower > upper).any(axis=1)
+    return np.asarray(alive), np.stack([lower, upper], axis=2), by.mag
 
 
 def _cones(axes: Array) -> tuple[Array, list[float]]:

@@ -1,7 +1,7 @@
 """The claims of a `handfast/synthesis/1` file: that configurations exist, or that none does.
 
     FOUND      each configuration is one, and what is said of it follows from its proof
-    NONE       the contacts that the answer names exclude each other
+    NONE       the contacts that the answer names exclude each other, or all of them at every pose of the object
     UNDECIDED  nothing
 
 How the search went (starts, boxes, seconds, seed) is no claim and only has to be consistent. Nor is it claimed here
@@ -21,6 +21,7 @@ from handfast.proofs.configurations import examined, read_existence
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
+from handfast.proofs.pose_by_pose import impossible_at_every_pose
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData, read_task
 
@@ -30,6 +31,7 @@ LENGTH = 0.1  # [m] that counts as much as a radian in the distance of configura
 COURSE = "the course of the search: starts, boxes and seconds"
 NAMES = "that the task's numbers are those of the hand and of the object that it names"
 SEARCHED = re.compile(r"contacts? (\d+(?:, \d+)*)(?: and (\d+|the object's position))?")
+AT_EVERY_POSE = "all contacts, pose by pose"
 SCHEMA = "handfast/synthesis/1"
 
 
@@ -115,12 +117,12 @@ def _contradiction(verdict: str, stop: str, found: int, searched: _Searched | No
 def _none(task: TaskData, searched: _Searched | None) -> Replay:
     """Whether the contacts that were searched are shown here to exclude each other."""
     ask = "NONE rests on the search itself, ask it again"
+    by = searched.by if searched else ""
     named = searched.contacts(len(task.links)) if searched else None
-    if not searched or named is None:
-        return Replay("none", "", f"{ask}: a search pose by pose cannot be replayed")
-    (contacts, origin), by = named, searched.by
+    if named is None and by != AT_EVERY_POSE:
+        return Replay("none", "", f"{ask}: '{by}' names no contacts of the task")
     try:
-        done = impossible(task, contacts, origin=origin)
+        done = impossible(task, named[0], origin=named[1]) if named else impossible_at_every_pose(task)
     except Refused as why:
         return Replay("none", "", f"{ask}: {why}")
     figures, boxes = {"boxes": done.boxes}, "1 box" if done.boxes == 1 else f"{done.boxes} boxes"
