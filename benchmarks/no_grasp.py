@@ -1,15 +1,18 @@
 """No contact forces balance the loads: what is shown, how near to the edge, and that nothing possible is lost.
 
-    python -m benchmarks.no_grasp [--part two|edges|held] [--boxes 400] [--tasks 2000] [--print]
+    python -m benchmarks.no_grasp [--part two|edges|held|surface] [--boxes 400] [--tasks 2000] [--print]
 
 - *two*: the bundled tasks of two contacts under weights from six sides: boxes, processor time of search and replay, the
   least distance of the centre of mass from the line through both contacts, proved and met.
 - *edges*: tasks made impossible by less and less: bundled tasks of three and four contacts with little friction or
-  weak contacts, those of two with the centre of mass near the line, three contacts on a wedge. Bisection between what
-  is shown to be impossible with `--boxes` boxes, and a placement at which forces balance all loads.
+  weak contacts, with a torque or with the centre of mass moved away under contacts of a limited force, those of two
+  with the centre of mass near the line, three contacts on a wedge. Bisection between what is shown to be impossible
+  with `--boxes` boxes, and a placement at which forces balance all loads.
 - *held*: tasks cut around contacts that hold: flat and curved regions of 2 mm about contacts of bundled grasps and of
   random ones, loads that forces in the friction cones balance, some on the edge of a cone, half of them with a limit
   of normal forces that one of them reaches. None may be refuted, and no box about the contacts.
+- *surface*: the least friction of two contacts anywhere on an object whose centre of mass is off its middle, and the
+  processor time; and contacts on random solids that hold by construction, for which so many may never be refuted.
 
 Writes benchmarks/results/no_grasp.json after every part and prints Markdown tables.
 """
@@ -30,7 +33,10 @@ from benchmarks.machine import describe
 from handfast import Loads, Task, load_body, load_grasp, load_hand, load_task
 from handfast.core import bundled
 from handfast.core.arrays import Array
+from handfast.model.body import Body
 from handfast.model.region import Bezier, Cap
+from handfast.model.shape import Shape
+from handfast.planning.filters.balance import held_by_contacts
 from handfast.planning.no_balance import NO_MOTION, NoBalance
 from handfast.proofs.fields import Fields
 from handfast.proofs.tasks import read_task
@@ -126,6 +132,10 @@ def edges(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         yield edge(f"{name}: friction", by_friction(name, options), (0.0, 1.5))
     for name in MORE if options.only in (None, "limit") else ():
         yield edge(f"{name}: force limit over the weight, log2", by_limit(name, options), (-4.0, 8.0))
+    for name in MORE if options.only in (None, "loads") else ():
+        yield edge(f"{name}: torque, shares of the weight at 0.1 m", by_torque(name, options), (8.0, 0.0))
+    for name in MORE if options.only in (None, "moved") else ():
+        yield edge(f"{name}: centre of mass moved away [m]", by_moved(name, options), (0.6, 0.0))
     for name in TWO if options.only in (None, "center") else ():
         yield edge(f"{name}: way of the centre of mass to the line", by_center(name, options), (0.0, 1.0))
     for friction in (0.1, 0.2, 0.5, 1.0, 2.0) if options.only in (None, "wedge") else ():
@@ -147,6 +157,42 @@ def by_limit(name: str, options: argparse.Namespace) -> Callable[[float], NoBala
 
     def at(power: float) -> NoBalance:
         search = NoBalance(task, loads, 0.5, center=np.zeros(3), force_limits=2.0**power * weight)
+        search.run(options.boxes)
+        return search
+
+    return at
+
+
+STRONG = 4.0  # times the weight: largest normal force at a contact where loads or the centre of mass are varied
+
+
+def by_torque(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
+    """Of a bundled task with a friction of 0.5 and limited forces: the weight along -z, and a torque both ways."""
+    task = load_task(name)
+    body = load_body(str(task.object))
+    weight = body.gravity_wrench([0, 0, -1])
+    size = float(np.linalg.norm(weight[:3]))
+
+    def at(share: float) -> NoBalance:
+        turn = np.array([0, 0, 0, 0.1 * share * size, 0, 0])
+        loads = Loads(("one way", "the other"), np.array([weight + turn, weight - turn]))
+        search = NoBalance(task, loads, 0.5, center=np.zeros(3), force_limits=STRONG * size)
+        search.run(options.boxes)
+        return search
+
+    return at
+
+
+def by_moved(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
+    """The same under the weight from six sides, its centre of mass moved along the object's x axis."""
+    task = load_task(name)
+    body = load_body(str(task.object))
+
+    def at(way: float) -> NoBalance:
+        there = replace(body, center_of_mass=body.center_of_mass + np.array([way, 0, 0]))
+        loads = Loads.gravity(there)
+        limit = STRONG * float(np.linalg.norm(loads.wrenches[0, :3]))
+        search = NoBalance(task, loads, 0.5, center=np.zeros(3), force_limits=limit)
         search.run(options.boxes)
         return search
 
@@ -268,6 +314,72 @@ def held_part(first: int, tasks: int, options: argparse.Namespace) -> dict[str, 
     }
 
 
+# --- anywhere on the surface --------------------------------------------------------------------------
+
+OFF = np.array([0.05, 0.07, 0.03])  # of the size of an object, how far its centre of mass is moved
+
+
+def surface(options: argparse.Namespace) -> dict[str, Any]:
+    """Of bundled objects, and of random solids."""
+    rows = []
+    for name in bundled.names("objects"):
+        body = load_body(name)
+        moved = np.asarray(body.center_of_mass) + OFF * np.ptp(body.vertices, axis=0)
+        rows.append(least_friction(name, replace(body, center_of_mass=moved, mass=body.mass or 1.0)))
+    for seed in range(20):
+        solid = stone(np.random.default_rng([13, seed]))
+        body = Body.of([solid], mass=1.0, center_of_mass=solid.centroid + 0.1 * OFF)
+        rows.append(least_friction(f"stone {seed}", body))
+    return {"least_friction": rows, "held": surface_held(options.tasks)}
+
+
+def least_friction(name: str, body: Body) -> dict[str, Any]:
+    """Up to which friction it is shown that two contacts cannot hold the weight from six sides."""
+    loads, shown, open_, seconds = Loads.gravity(body), 0.0, 1.0, []
+    for _ in range(HALVINGS):
+        friction, begin = (shown + open_) / 2, time.process_time()
+        none = held_by_contacts(body, loads, friction=friction).fewest().most >= 2
+        seconds.append(time.process_time() - begin)
+        shown, open_ = (friction, open_) if none else (shown, friction)
+    return {"object": name, "solids": len(body.pieces), "shown": shown, "seconds": max(seconds)}
+
+
+def stone(rng: np.random.Generator) -> Shape:
+    """An irregular convex solid of 5 to 30 corners."""
+    return Shape.hull(rng.normal(size=(rng.integers(5, 31), 3)) * [0.05, 0.03, 0.02])
+
+
+def surface_held(tasks: int) -> dict[str, int]:
+    """How often contacts that hold are refuted: two on a line through the centre of mass; more with limited forces."""
+    rng, wrong = np.random.default_rng(17), {"pairs": 0, "limited": 0, "refuted": 0}
+    while wrong["pairs"] + wrong["limited"] < tasks:
+        solid = stone(rng)
+        vertices, faces = solid.triangles()
+        corners = vertices[faces[rng.integers(len(faces), size=rng.integers(2, 6))]]
+        p = np.einsum("ki,kij->kj", rng.dirichlet([1, 1, 1], size=len(corners)), corners)
+        n = -np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        if len(p) == 2:
+            along = (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
+            slant = np.arccos(np.clip([n[0] @ along, -n[1] @ along], -1, 1)).max()
+            if not slant < 1.4:
+                continue
+            body = Body.of([solid], mass=1.0, center_of_mass=p[0] + rng.random() * (p[1] - p[0]))
+            loads, mu, limit = Loads.gravity(body), float(np.tan(slant)) * (1 + 1e-9), np.inf
+        else:
+            mu, body = float(rng.choice([0.0, 0.3, 1.0])), Body.of([solid], mass=1.0)
+            wrenches = []
+            for _ in range(3):
+                t = np.cross(n, rng.normal(size=3))
+                t *= mu * rng.choice(SHARES, size=(len(n), 1)) / np.linalg.norm(t, axis=1, keepdims=True)
+                force = (n + t) * rng.choice([0.0, 0.5, 1.0], size=(len(n), 1))
+                wrenches.append(-np.r_[force.sum(axis=0), np.cross(p, force).sum(axis=0)])
+            loads, limit = Loads(("a", "b", "c"), np.array(wrenches)), 1 + 1e-12
+        wrong["pairs" if len(p) == 2 else "limited"] += 1
+        wrong["refuted"] += held_by_contacts(body, loads, limit, mu).fewest().most >= len(p)
+    return wrong
+
+
 # --- output -------------------------------------------------------------------------------------------
 
 
@@ -287,21 +399,28 @@ def show(results: dict[str, Any]) -> None:
                 print(f"| {r['task']} | {first} at the first end | {last} at the last | |")
             else:
                 print(f"| {r['task']} | {r['shown']:.4g} | {r['balanced']:.4g} | {r['boxes']} |")
+    if "surface" in results:
+        print("\n| object | solids | two contacts: none up to a friction of | seconds |\n|---|---|---|---|")
+        for r in results["surface"]["least_friction"]:
+            print(f"| {r['object']} | {r['solids']} | {r['shown']:.3g} | {r['seconds']:.2f} |")
+        print("\n" + ", ".join(f"{key} {value}" for key, value in results["surface"]["held"].items()))
     if "held" in results:
         print("\n" + ", ".join(f"{key} {value}" for key, value in results["held"].items()))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--part", choices=("two", "edges", "held"))
+    parser.add_argument("--part", choices=("two", "edges", "held", "surface"))
     parser.add_argument("--boxes", type=int, default=400)
-    parser.add_argument("--only", choices=("friction", "limit", "center", "wedge"), help="of the edges")
+    parser.add_argument(
+        "--only", choices=("friction", "limit", "loads", "moved", "center", "wedge"), help="of the edges"
+    )
     parser.add_argument("--tasks", type=int, default=2000)
     parser.add_argument("--held-boxes", type=int, default=64)
     parser.add_argument("--print", action="store_true", dest="only_print")
     options = parser.parse_args()
     results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    parts = {"two": two, "edges": lambda o: list(edges(o)), "held": held}
+    parts = {"two": two, "edges": lambda o: list(edges(o)), "held": held, "surface": surface}
     for name, part in parts.items():
         if not options.only_print and options.part in (None, name):
             results |= {

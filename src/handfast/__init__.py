@@ -56,6 +56,8 @@ if TYPE_CHECKING:
     from handfast.readers.load_hand import load_hand as load_hand
     from handfast.readers.region_file import load_hand_regions as load_hand_regions
     from handfast.saved import verify as verify
+    from handfast.simulation.beside_path import PathBeside as PathBeside
+    from handfast.simulation.beside_path import beside_path as beside_path
     from handfast.simulation.result import SimulationResult as SimulationResult
     from handfast.simulation.settled import Settled as Settled
     from handfast.simulation.settling import GraspInScene as GraspInScene
@@ -142,6 +144,8 @@ _HOME = {
     "GraspInScene": "simulation.settling",
     "settle": "simulation.settling",
     "simulate_bodies": "simulation.simulate",
+    "PathBeside": "simulation.beside_path",
+    "beside_path": "simulation.beside_path",
     "hold": "stability.studies.hold",
     "Loads": "stability.problem.loads",
     "load_loads": "stability.problem.loads",

@@ -53,6 +53,18 @@ def test_hand_and_object_are_simulated_where_they_are_known(pinched: str, capsys
     complains(capsys, ["simulate", pinched, "--bodies", "--wrench", "0", "0", "-0.5"], ["provenance", "not known"])
 
 
+def test_a_path_stands_beside_a_simulation(pinched: str, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["simulate", pinched, "--wrench", "0", "0", "-1.2", "--ramp", "2", "--path", "--closing", "1"]
+    path = ask(capsys, *asked)["path"]
+    assert path["reached"] * 1.2 == pytest.approx(1.0, rel=0.02)
+    assert path["onset"] * 1.2 == pytest.approx(1.0, abs=0.06)
+    assert path["loads"][-1]["simulated"] == pytest.approx(path["loads"][-1]["path"], rel=0.02)
+    status, said, _ = run(capsys, *asked)
+    assert status == 0
+    assert "the path ends at 0.83" in said
+    complains(capsys, [*asked, "--loading", "together"], ["--path", "commands first"])
+
+
 def test_it_refuses_what_it_cannot_write(pinched: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     there = tmp_path / "there.csv"
     there.write_text("kept")

@@ -18,6 +18,7 @@ from handfast.model.region import Bezier
 from handfast.planning.filters.balance import imbalance
 from handfast.planning.no_balance import NO_MOTION, NoBalance
 from handfast.planning.results.grasps import Grasps
+from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import Fields
 from handfast.proofs.unbalanced import replay_unbalanced
 from handfast.readers.load_hand import load_hand
@@ -248,3 +249,24 @@ def test_a_search_goes_on_where_it_was() -> None:
         NoBalance(grip(0.05), loads, 0.5, center=np.zeros(3), saved=other)
     with pytest.raises(InputError, match="boxes are not refuted"):
         NoBalance(grip(0.05), weights([0, 0, 0]), 0.5, center=np.zeros(3), saved=whole.to_json())
+
+
+def test_frictionless_contacts_fewer_than_directions_need_no_boxes() -> None:
+    loads = weights([0, 0, 0])
+    search = searched(grip(0.05), loads, 0.0)
+    assert search.shown
+    assert search.boxes == 0
+    assert search.line_distance is None
+    proof = search.searched.proof
+    assert proof == {"fewest_contacts": 4}
+
+    def proved(contacts: int, friction: float = 0.0, **changed: int) -> bool:
+        return replay_of_loads(contacts, loads.by_name, friction, Fields(proof | changed)).ok
+
+    assert proved(2)
+    assert proved(3)
+    assert not proved(4)
+    assert not proved(4, fewest_contacts=5)
+    assert not proved(2, 0.1)
+    assert proved(2, fewest_contacts=3)
+    assert not searched(grip(0.05), Loads.wrench([0, 0, 1.0]), 0.0, boxes=0).shown

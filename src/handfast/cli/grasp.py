@@ -211,6 +211,8 @@ def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
     distance = searched.line_distance
     if not distance:
         limit = "" if asked.force_limit is None else f", normal forces up to {num(asked.force_limit)} N"
+        if few := (searched.proof or {}).get("fewest_contacts"):
+            return f"It takes {few} contacts or more to balance the loads with a friction of {num(asked.friction)}"
         return f"No contact forces balance the loads with a friction of {num(asked.friction)}{limit}"
     near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance)} mm"
     return f"Two fingertips have no moment about the line between them, and {near}"

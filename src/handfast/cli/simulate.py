@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,13 +15,19 @@ from handfast.cli.options import EndsIn, GraspOptions, Reported, check_folder
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
+from handfast.model.grasp import Grasp
 from handfast.pictures.scene import moving_scene
 from handfast.pictures.words import load_text
+from handfast.simulation.beside_path import beside_path
 from handfast.simulation.result import Ending, SimulationResult
 from handfast.simulation.settled import Rest, Settled, verdict_of
 from handfast.simulation.settling import settle
 from handfast.simulation.simulate import simulate, simulate_bodies
+from handfast.stability.answers import MaxAnswer, maximum
+from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Settings
+
+SLOWLY = 4.0  # [s of the twin] for commands that a path is compared with
 
 
 @dataclass(kw_only=True)
@@ -38,6 +45,10 @@ class Simulate(GraspOptions, Load, Reported):
     """the commands first and then the load, as with a real hand, or both in proportion, as the model has it"""
     ramp: Annotated[float, arg(metavar="S")] = 8.0
     """simulated seconds over which the load grows"""
+    closing: Annotated[float | None, arg(metavar="S")] = None
+    """simulated seconds over which the commands grow before the load comes; at once unless given, in 4 with --path"""
+    path: bool = False
+    """follow the load's path as `max --loading preload-first` does, too, and compare contact forces load by load"""
     save: Annotated[Path | None, arg(metavar="FILE.json"), EndsIn((".json",))] = None
     """write the result with its history"""
     series: Annotated[Path | None, arg(metavar="FILE.csv"), EndsIn((".csv",))] = None
@@ -50,18 +61,33 @@ class Simulate(GraspOptions, Load, Reported):
     def run(self) -> int:
         grasp = self.load()
         wrench = self.one_wrench(self.wrench, self.gravity, grasp, self.grasp)
+        followed = self._followed(grasp, wrench) if self.path else None
+        closing = SLOWLY if followed is not None and self.closing is None else self.closing
         with console.watch("simulate") as watch:
             found = (simulate_bodies if self.bodies else simulate)(
-                grasp, wrench, loading=self.loading, ramp=self.ramp,
+                grasp, wrench, loading=self.loading, ramp=self.ramp, closing=closing,
                 on_progress=lambda now, end: watch.item(round(now), round(end), " simulated seconds"),
             )  # fmt: skip
         self._write(found)
+        beside = None if followed is None else beside_path(followed, found)
         if self.json:
-            console.print_json(found.to_json())
+            console.print_json(found.to_json() | ({} if beside is None else {"path": beside.to_json()}))
         else:
             show_simulation(found, self.report)
+            for line in [] if beside is None else beside.lines():
+                console.out().print(f"  {line}")
         open_ = found.ending in (Ending.UNDECIDED, Ending.ILL_POSED)
         return console.UNDECIDED if open_ else console.ANSWERED
+
+    def _followed(self, grasp: Grasp, wrench: Sequence[float]) -> MaxAnswer:
+        """How far the load's path goes; `InputError` where it does not begin, or none can be followed."""
+        if self.loading != "preload-first":
+            raise InputError("has the commands first; leave out --loading together", field="--path")
+        with console.watch("path"):
+            answer = maximum(grasp, wrench, loading="preload-first", settings=Settings(gap=1e-2))
+        if not isinstance(answer.path, LoadPath) or answer.path.reached is None:
+            raise InputError("cannot begin: no state of the commands alone is shown", field="--path")
+        return answer
 
     def _write(self, found: SimulationResult) -> None:
         if self.save:

@@ -26,6 +26,7 @@ from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.filters.balance import BALANCED, CIRCUMSCRIBED, imbalance, pyramid_wrenches
+from handfast.proofs.few_contacts import Held
 from handfast.proofs.fields import BadFile, Fields, Integers
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import read_task
@@ -151,8 +152,9 @@ class NoBalance:
         self.whole = np.ptp(self.placements.root, axis=1)
         self.motions = Motions(np.zeros((0, len(loads))), np.zeros((0, 2), dtype=np.int64), np.zeros((0, 6)))
         self.hits = np.zeros(len(loads))  # how often each load refuted a box
+        self.fewest = Held((), np.zeros(3), loads.wrenches, friction).opposed()  # whatever the contacts are on
         self.root = BoxNode(self.placements.root, NO_MOTION)
-        self.open = deque([self.root])
+        self.open = deque([self.root] if self.fewest.most < self.placements.count else [])
         self.boxes, self.discarded = 0, 0.0
         self.balanced: Array | None = None
         self.stuck = False  # is a box too small to be halved?
@@ -181,12 +183,14 @@ class NoBalance:
     @cached_property
     def line_distance(self) -> float | None:
         """See `BalanceSearched`; of a search that has shown all."""
+        if not self.boxes:
+            return None
         by_line = all("line" in motion for motion in self.to_json()["motions"])
         return self.placements.line_distance(self.center) if by_line and self.center is not None else None
 
     def run(self, boxes: int, end: float = np.inf) -> None:
         """Examine so many more boxes, or until the monotonic clock shows `end`."""
-        if not self.looked:
+        if not self.looked and self.open:
             self._look()
             self.looked = True
         most = self.boxes + boxes
@@ -353,7 +357,9 @@ class NoBalance:
     # --- files ---
 
     def to_json(self) -> dict[str, Any]:
-        """The tree so far, as `replay_unbalanced` reads it: a proof once no box is open."""
+        """The tree so far, as `replay_unbalanced` reads it: a proof once no box is open; or how many it takes."""
+        if self.fewest.most >= self.placements.count:
+            return {"fewest_contacts": self.fewest.contacts}
         stack, used = [self.root], dict[int, int]()
         entries: list[int | None] = []
         while stack:

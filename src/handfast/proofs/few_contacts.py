@@ -23,7 +23,7 @@ it turns neither a force nor the line by more than a few 1e-9.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -77,8 +77,7 @@ class Held:
 
     def fewest(self) -> Fewest:
         """The most that is shown by any reason."""
-        found = [Fewest(1), self._opposed(), self._force(), self._turning()]
-        best = max(found, key=lambda f: f.most)
+        best = max(Fewest(1), self.opposed(), self._force(), self._turning(), key=lambda f: f.most)
         if best.contacts == 2 and self._weighed() and self._no_line():
             return Fewest(3, "line")
         return best
@@ -100,7 +99,8 @@ class Held:
         unit = self.loads / np.maximum(size, 1e-300)[:, None]
         return (size > 0) & (np.linalg.norm(unit[:, None] + unit, axis=2) < OPPOSITE).any(axis=1)
 
-    def _opposed(self) -> Fewest:
+    def opposed(self) -> Fewest:
+        """What loads of both signs take, whatever the shape: there need be no `solids`."""
         both = self._both()
         if not both.any():
             return Fewest(1)
@@ -289,6 +289,16 @@ def replay(data: Any, place: str = "") -> Replay:
     claim = f"with a friction of {held.friction:g}{limit}, of {', '.join(names)}: {said}"
     refused = "" if shown else f"shown is only that {words(found)}"
     return Replay("contacts", claim, refused, {"contacts": found.contacts})
+
+
+def replay_of_loads(contacts: int, loads: Mapping[str, Array], friction: float, f: Fields) -> Replay:
+    """The claim that so many contacts cannot hold some loads, (6,) by name, whatever they are on. Raises `BadFile`."""
+    few = f.whole("fewest_contacts", least=1)
+    f.done()
+    found = Held((), np.zeros(3), np.array(list(loads.values())), friction).opposed()
+    claim = f"{contacts} contacts cannot hold {', '.join(loads)} with a friction of {friction:g}"
+    refused = "" if contacts < few <= found.most + 1 else f"shown is only that it takes {found.most + 1:g}"
+    return Replay("balance", claim + (f": {WHY[found.reason]}" if found.reason else ""), refused, {"contacts": few})
 
 
 def to_json(held: Held, names: Sequence[str], thing: str, fewest: Fewest) -> dict[str, Any]:

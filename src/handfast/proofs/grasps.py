@@ -20,6 +20,7 @@ from handfast.proofs import answers
 from handfast.proofs.configurations import check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.existence import prove
+from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.question import CHECK, Question
@@ -64,7 +65,10 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     if none is not None and refused:
         return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
     if none is not None:
-        part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, center, none)
+        if none.has("fewest_contacts"):
+            part = replay_of_loads(len(task.on_object), loads, terms.friction, none)
+        else:
+            part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, center, none)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     try:
         equations = ContactEquations.of(task)

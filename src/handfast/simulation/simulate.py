@@ -25,7 +25,8 @@ from handfast.stability.problem.settings import Loading as Loading
 
 SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
-CLOSING = 1.5  # [s] of these over which commands grow where joints rub: dry friction would keep the squeeze of a jolt
+CLOSING = 1.5  # [s] over which commands grow where joints rub: dry friction would keep the squeeze of a jolt
+AT_REST = PRELOAD - CLOSING  # [s] from then until the load begins
 HOLD, LONGEST = 2, 24  # [s] for the full load: at least, and at most while motion still fades
 FADES = 0.7  # a rate that is less than this share of that a second before is fading
 ELASTIC = 3.0  # times the usual speed at which a grasp gives way in step with the load: that fast it slips
@@ -45,6 +46,7 @@ def simulate(
     *,
     loading: Loading = "preload-first",
     ramp: float = 8.0,
+    closing: float | None = None,
     step: float = STEP,
     stiffness: float = STIFFNESS,
     on_progress: OnTime | None = None,
@@ -62,6 +64,9 @@ def simulate(
             real hand does. "together": commands and load grow in proportion: the state that the model's one set of
             equations describes, which knows no history.
         ramp: [s of the twin] over which the load grows.
+        closing: [s of the twin] over which the commands grow with "preload-first". Unless given they act at once, a
+            jolt of which friction at the contacts keeps a part, or grow within 1.5 s where a joint rubs. Slowly grown
+            ones lead to the state of the commands alone from which a path begins (`check` with this loading).
         step: [s of the twin] of the engine; rates by which endings are judged were measured at the default.
         stiffness: of a contact, in force units by grasp sizes; likewise.
         on_progress: called with the time that has passed and the time there will be.
@@ -71,7 +76,7 @@ def simulate(
     Raises:
         InputError: a wrench of another length, a load and commands that are all zero, times that are not above 0.
     """
-    w = _checked(wrench, ramp, step, stiffness, loading)
+    w = _checked(wrench, ramp, step, stiffness, loading, closing)
     unit = force_unit(grasp, w)
     twin = build_twin(grasp, unit, step=step, stiffness=stiffness)
     stepper = Stepper(twin, grasp, twin.scaled(w))
@@ -86,18 +91,29 @@ def simulate(
         moved = per_newton * q[list(twin.joints)] * np.where(turns, twin.length, 1.0)
         turned = Rotation.from_rotvec(per_newton * twin.length * r[3:]).as_matrix()
         stepper.place(moved, transform(per_newton * r[:3], turned))
-    recording = Recording(stepper, step, ramp + HOLD + PRELOAD, on_progress)
-    recording.run(ramp, preload=first, commands=not first and start is None)
+    recording = Recording(stepper, step, ramp + HOLD + PRELOAD + (closing or 0.0), on_progress)
+    recording.run(ramp, preload=first, commands=not first and start is None, closing=closing)
     return recording.result(grasp, w, loading, twin, stiffness)
 
 
-def _checked(wrench: Sequence[float] | Array, ramp: float, step: float, stiffness: float, loading: str) -> Array:
-    """(6,) the load; `InputError` for numbers that are not above 0, a ramp without end, an unknown way of loading."""
-    for name, value in (("ramp", ramp), ("step", step), ("stiffness", stiffness)):
+def _checked(
+    wrench: Sequence[float] | Array,
+    ramp: float,
+    step: float,
+    stiffness: float,
+    loading: str,
+    closing: float | None = None,
+) -> Array:
+    """(6,) the load; `InputError` for numbers that are not above 0, times without end, an unknown way of loading."""
+    times = {"ramp": ramp} if closing is None else {"ramp": ramp, "closing": closing}
+    for name, value in (*times.items(), ("step", step), ("stiffness", stiffness)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"is {value}; a number above 0 is needed", field=name)
-    if ramp > SLOWEST:
-        raise InputError(f"is {ramp:g}; at most {SLOWEST:g} s are possible", field="ramp")
+    for name, value in times.items():
+        if value > SLOWEST:
+            raise InputError(f"is {value:g}; at most {SLOWEST:g} s are possible", field=name)
+    if closing is not None and loading != "preload-first":
+        raise InputError("is for commands that come first; leave it out with 'together'", field="closing")
     if loading not in ("preload-first", "together"):
         raise InputError(f"is '{loading}'; 'preload-first' or 'together' is needed", field="loading")
     return frozen(scaled_problem.as_wrench(wrench), (6,), "wrench")
@@ -137,6 +153,7 @@ def simulate_bodies(
     *,
     loading: Loading = "preload-first",
     ramp: float = 8.0,
+    closing: float | None = None,
     step: float = STEP,
     stiffness: float = STIFFNESS,
     on_progress: OnTime | None = None,
@@ -151,11 +168,12 @@ def simulate_bodies(
     Raises:
         InputError: as `simulate` does; hand or object are not known or not those of this grasp.
     """
-    w = _checked(wrench, ramp, step, stiffness, loading)
+    w = _checked(wrench, ramp, step, stiffness, loading, closing)
     twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), step=step, stiffness=stiffness)
     first = loading == "preload-first"
-    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, ramp + HOLD + PRELOAD, on_progress)
-    recording.run(ramp, preload=first, commands=not first)
+    end = ramp + HOLD + PRELOAD + (closing or 0.0)
+    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, end, on_progress)
+    recording.run(ramp, preload=first, commands=not first, closing=closing)
     return recording.result(grasp, w, loading, twin, stiffness, bodies=True)
 
 
@@ -184,8 +202,8 @@ class Recording:
     def _lost(self) -> bool:
         return bool(self.history) and self.history[-1].moved > LOST
 
-    def run(self, ramp: float, *, preload: bool, commands: bool) -> None:
-        """The commands if `preload`, then the load within `ramp` [s], then the wait for rest.
+    def run(self, ramp: float, *, preload: bool, commands: bool, closing: float | None = None) -> None:
+        """The commands if `preload`, within `closing` [s], then the load within `ramp` [s], then the wait for rest.
 
         With `commands` these grow along with the load, but for the `TOUCH` of them that comes first.
         """
@@ -195,9 +213,10 @@ class Recording:
                 s.winding = False  # until all commands act: what closes first does not keep what it gained by that
                 if commands:
                     s.command(TOUCH)
-                if preload and s.rubs:
-                    self._close(CLOSING)
-                self._go(PRELOAD - CLOSING if preload and s.rubs else PRELOAD, 0.0)
+                slowly = closing if closing is not None or not s.rubs else CLOSING
+                if preload and slowly is not None:
+                    self._close(slowly)
+                self._go(AT_REST if preload and slowly is not None else PRELOAD, 0.0)
                 s.winding, self.before = True, len(self.history)
             if ramp:
                 self._go(ramp, 1.0, commands=commands)
