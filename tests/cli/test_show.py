@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.load_hand import load_hand
@@ -61,6 +63,40 @@ def test_the_pages_configuration_is_one(capsys: pytest.CaptureFixture[str]) -> N
     found = load_configuration("c.json")
     assert found.hand == "parallel-gripper"
     assert found.pose[:3].ravel().tolist() == pytest.approx(data["object"]["pose"], abs=1e-9)
+
+
+def test_an_object_alone(capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture) -> None:
+    """A cube of 30 mm, in millimetres, as it is and in metres; and a ring that is open, before it is refused."""
+    cube = trimesh.creation.box([30, 20, 10])
+    cube.export("cube.stl")
+    status, out, err = run(capsys, "show", "cube.stl", "--scale", "0.001")
+    assert (status, err) == (0, "")
+    rows = dict(line.rstrip().split("  ", 1) for line in out.splitlines()[:-2])
+    facts = {"size": "30 × 20 × 10 mm", "triangles": "12", "parts": "1", "convex": "yes", "open edges": "0"}
+    assert {name: rows[name].strip() for name in facts} == facts
+    assert out.splitlines()[-2] == "cube: 30 × 20 × 10 mm, 1 convex piece, mass not stated, friction 0.5"
+    run(capsys, "show", "cube.stl")
+    assert caplog.messages == ["cube.stl: is 30 m long; a mesh in millimetres needs the scale 0.001"]
+    answer = ask(capsys, "show", "cube.stl", "--scale", "0.001")
+    assert answer["schema"] == "handfast/object-facts/1"
+    assert answer["mesh"] == {
+        "size": pytest.approx([0.03, 0.02, 0.01]), "triangles": 12, "parts": 1, "convex": True, "open_edges": 0,
+        "badly_wound": 0,
+    }  # fmt: skip
+    ring = trimesh.creation.annulus(0.02, 0.03, 0.01, sections=40)
+    keep = np.ones(len(ring.faces), dtype=bool)
+    keep[::7] = False
+    ring.faces[5] = ring.faces[5][::-1]
+    ring.update_faces(keep)
+    ring.export("ring.obj")
+    status, out, err = run(capsys, "show", "ring.obj")
+    assert status == 2
+    assert "decomposing  about 2." in out
+    assert "badly wound  " in out
+    assert "badly wound  0" not in out
+    assert "is open: " in err
+    complains(capsys, ["show", "can", "-o", "can.html"], ["-o: is for a hand; an object is shown in one"])
+    assert ask(capsys, "show", "can")["mass"] == 0.35
 
 
 def test_bad_requests_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ import pytest
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
 from handfast.model.body import Body
-from handfast.model.mesh_pieces import open_edges, pieces_of
+from handfast.model.mesh_pieces import _shared_edges, open_edges, pieces_of
 from handfast.model.shape import Shape, volume_and_centroid
 from handfast.readers.body_file import save_body_copy
 from handfast.readers.load_body import load_body
@@ -114,6 +114,43 @@ def test_what_is_inside_out_is_turned_round(tmp_path: Path, told: pytest.LogCapt
     told.clear()
     pieces_of([(vertices, faces)], "ell.obj")
     assert told.messages == []
+
+
+@pytest.mark.parametrize("turned", [[0], [1, 4, 5, 11], [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]])
+def test_triangles_that_are_wound_otherwise_are_turned_round(
+    turned: list[int], tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As CoACD comes to no end with them; what most do counts, then a solid inside out is turned."""
+    vertices, faces = ell_mesh(tmp_path)
+    seen: list[np.ndarray] = []
+    monkeypatch.setattr("handfast.model.mesh_pieces.decompose", lambda v, f: [seen.append(f), v][1:])
+    mixed = faces.copy()
+    mixed[turned] = mixed[turned][:, ::-1]
+    pieces_of([(vertices, mixed)], "ell.obj")
+    few = min(len(turned), len(faces) - len(turned))
+    assert told.messages[0] == f"ell.obj: {few} of 20 triangles are wound otherwise than the others; turned round"
+    assert volume_and_centroid(vertices, seen[0])[0] == pytest.approx(5e-6)
+    assert {frozenset(map(int, f)) for f in seen[0]} == {frozenset(map(int, f)) for f in faces}
+    assert not _shared_edges(seen[0])[2].any()
+
+
+def test_a_surface_with_one_side_is_refused(tmp_path: Path) -> None:
+    """Klein's bottle is closed, and no solid."""
+    n = 8
+    at = np.arange(n * n).reshape(n, n)
+    rows = []
+    for i in range(n):
+        for j in range(n):
+            right = [(i, j), (i, (j + 1) % n)]
+            next_row = [((i + 1) % n, (-y) % n if i == n - 1 else y) for _, y in right]
+            a, b, c, d = (at[p] for p in (*right, *next_row))
+            rows += [(a, b, c), (b, d, c)]
+    angle = 2 * np.pi * np.arange(n) / n
+    vertices = np.array(
+        [[np.cos(u) * (2 + np.cos(v)), np.sin(u) * (2 + np.cos(v)), np.sin(v)] for u in angle for v in angle]
+    )
+    with pytest.raises(InputError, match="has a surface with one side"):
+        pieces_of([(0.01 * vertices, np.array(rows))], "bottle.obj")
 
 
 def top_and_rest(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

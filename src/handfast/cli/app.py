@@ -246,6 +246,12 @@ def _one_line(said: str) -> str:
     message = re.sub(r"\('[^()]*'\) ?", _choices, message)
     message = re.sub(r"could not convert string to float: ('[^']*')", r"\1 is not a number", message)
     message = re.sub(r"invalid literal for int\(\) with base 10: ('[^']*')", r"\1 is not a whole number", message)
+    kinds = {"FLOAT": "a number", "INT": "a whole number"}
+    message = re.sub(
+        r"no type matching \{None\}\|(FLOAT|INT) could be instantiated from \[('[^']*')\]\.",
+        lambda found: f"{found[2]} is not {kinds[found[1]]}",
+        message,
+    )
     message = re.sub(r"^Missing from [\w ]+: ", "missing: ", message)
     return message[:1].lower() + message[1:]
 

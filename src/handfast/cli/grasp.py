@@ -19,6 +19,7 @@ from handfast.cli.options import Command, load_solvable
 from handfast.cli.synthesize import STYLE, WHY
 from handfast.core.answer import Reach
 from handfast.core.errors import InputError
+from handfast.core.limited import within
 from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.planning.question import Allowed, Requirements, TaskGraspOptions, compared
@@ -68,7 +69,8 @@ class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
             raise InputError("names no object; give --object, its shape is needed", source=self.task)
         workers = self.workers()
         GraspFolder.refuse(self.output, resume=self.resume, force=self.force)
-        body = self.load_object(name)
+        with within(self.timeout):
+            body = self.load_object(name)
         console.warn(compared(task.hand, body))
         with console.watch("grasp") as watch:
 

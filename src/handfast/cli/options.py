@@ -17,6 +17,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from handfast.cli import console
 from handfast.core import bundled
 from handfast.core.errors import FaultsOf, InputError
+from handfast.readers.registry import MESHES, ending
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -145,6 +146,12 @@ def refuse_hand(name: str) -> None:
     if HAND.fullmatch(name) or (name in bundled.names("hands") and name not in bundled.names("grasps")):
         right = f"handfast plan {name} OBJECT finds grasps of it, handfast contacts makes one of a configuration"
         raise InputError(f"is a hand, and a grasp is needed; {right}", source=name)
+    if ending(Path(name)) in (".sdf", *MESHES) or (
+        name in bundled.names("objects") and name not in bundled.names("grasps")
+    ):
+        raise InputError(
+            f"is an object, and a grasp is needed; handfast plan HAND {name} finds grasps of it", source=name
+        )
     schema = None
     if name.lower().endswith(".json") and Path(name).is_file():
         with suppress(OSError, ValueError, AttributeError):  # said when it is read as a grasp

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,10 +18,12 @@ from handfast.cli.load_options import SceneOptions, SearchFlags, axis_vector
 from handfast.cli.options import Assignments, Command, Triple, closing_senses
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
+from handfast.core.limited import within
 from handfast.model.body import Body
 from handfast.pictures import words
 from handfast.planning.candidates.palm_poses import Sampling
 from handfast.planning.evaluation.attempt import REASONS
+from handfast.planning.evaluation.preload_search import SHORTEST
 from handfast.planning.evaluation.quality import largest_command
 from handfast.planning.filters.surroundings import TRAVEL, Surroundings
 from handfast.planning.plan_grasps import plan
@@ -45,7 +48,7 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
     """grasps to look for"""
     timeout: Annotated[float, arg(metavar="S")] = 300.0
-    """seconds after which what was found is returned"""
+    """seconds after which what was found is returned, of each object; taking a mesh apart counts"""
     attempts: Annotated[int, arg(metavar="N")] = 100_000
     """largest number of starts"""
     contacts: Annotated[int | None, arg(metavar="N")] = None
@@ -115,7 +118,10 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         """The exit status, and what is said of one object."""
         from handfast.planning.results.folder import PlanFolder
 
-        hand, body = self.load_scene()
+        begin = time.monotonic()
+        with within(self.timeout):
+            hand, body = self.load_scene()
+        options = replace(options, timeout=max(self.timeout - (time.monotonic() - begin), SHORTEST))
         senses = closing_senses(self.closing)
         hand = hand.with_closing(senses)
         loads = self._loads(body)
@@ -145,7 +151,8 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
         if not (self.support or self.obstacle or self.travel is not None):
             return None
         way = np.array(axis_vector(self.up or "z"))
-        solids = [piece for file in self.obstacle for piece in load_body(file).pieces]
+        with within(self.timeout):
+            solids = [piece for file in self.obstacle for piece in load_body(file).pieces]
         travel = TRAVEL if self.travel is None else self.travel
         return Surroundings(way if self.support else None, solids, travel)
 

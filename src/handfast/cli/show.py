@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
@@ -13,12 +15,15 @@ from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.load_options import load_object, load_placed
 from handfast.cli.options import Command, EndsIn, JsonOptions
+from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.pictures import hand_rows
 from handfast.pictures.hand_facts import ShownHand, facts_of, shown_hand, to_json
-from handfast.pictures.words import USUAL
-from handfast.readers.load_hand import load_hand
+from handfast.pictures.words import USUAL, body_text, num, place_text
+from handfast.readers.load_body import mesh_facts
+from handfast.readers.load_hand import bundled_hands, load_hand
 from handfast.readers.region_file import load_hand_regions
+from handfast.readers.registry import MESHES, ending
 
 MANY = 30  # pairs of links that are listed
 
@@ -27,12 +32,13 @@ MANY = 30  # pairs of links that are listed
 class Show(JsonOptions, Command):
     """Show a hand: joints, senses, couplings, the guessed palm, fingers and regions; as a page to be turned with -o.
 
-    Look at a new hand before you plan with it: what is guessed wrong can be stated.
+    Look at a new hand before you plan with it: what is guessed wrong can be stated. Of an object alone: how large it
+    is, whether its mesh is closed and in metres, into how many convex pieces it is taken and how long that takes.
     """
 
-    hand: Annotated[Positional[str], arg(metavar="HAND")]
-    """a URDF or MJCF file or the name of a bundled hand"""
-    object: Annotated[Positional[str | None], arg(metavar="OBJECT")] = None
+    hand: Annotated[Positional[str], arg(metavar="HAND|OBJECT")]
+    """a URDF or MJCF file or the name of a bundled hand; or an object alone"""
+    object: Annotated[Positional[str | None], arg(metavar="[OBJECT]")] = None
     """an object to show in the hand: a mesh or handfast/body/1 file or the name of a bundled object"""
     configuration: Annotated[str | None, arg(metavar="FILE")] = None
     """a handfast/configuration/1 file with joints, closing senses and the object's pose, or a bundled name"""
@@ -46,6 +52,8 @@ class Show(JsonOptions, Command):
     """a self-contained page with a slider for each joint (.html), or a still picture (.png, .svg)"""
 
     def run(self) -> int:
+        if is_object(self.hand):
+            return self._object()
         hand, q, pose = load_hand(self.hand), None, None
         if self.configuration:
             placed = load_placed(self.configuration)
@@ -71,6 +79,35 @@ class Show(JsonOptions, Command):
             console.say_written(console.out(), self.output)
         else:
             self._tables(shown)
+        return console.ANSWERED
+
+    def _object(self) -> int:
+        """Of an object alone; what its mesh is like is said before it is taken apart, which may take long or fail."""
+        given = {"OBJECT": self.object, "--configuration": self.configuration, "--regions": self.regions}
+        for name, value in (given | {"-o": self.output}).items():
+            if value is not None:
+                raise InputError("is for a hand; an object is shown in one: handfast show HAND OBJECT", field=name)
+        begin = time.monotonic()
+        mesh = mesh_facts(Path(bundled.resolve("objects", self.hand)), self.scale)
+        out = console.out()
+        if not self.json and mesh:
+            grid = table(["", ""], [(name.replace("_", " "), _said(name, value)) for name, value in mesh.items()])
+            grid.show_header = False
+            out.print(grid)
+        body = load_object(self.hand, scale=self.scale)
+        about = {
+            "name": body.name,
+            "pieces": len(body.pieces),
+            "seconds": round(time.monotonic() - begin, 3),
+            "center_of_mass": body.center_of_mass.tolist(),
+            "mass": body.mass,
+            "friction": body.friction,
+        }
+        if self.json:
+            console.print_json({"schema": "handfast/object-facts/1", "mesh": mesh or None} | about)
+            return console.ANSWERED
+        out.print(f"{body.name}: {body_text(body)}", style="bold", soft_wrap=True)
+        out.print(f"Centre of mass {place_text(body.center_of_mass)}; read in {about['seconds']:.3g} s.")
         return console.ANSWERED
 
     def _say(self, shown: ShownHand) -> None:
@@ -103,6 +140,22 @@ class Show(JsonOptions, Command):
             out.print(table(["link", "and", "not checked because"], pairs))
             if count > MANY:
                 out.print(f"and {count - MANY} more pairs: --json, or -o FILE.html")
+
+
+def is_object(name: str) -> bool:
+    """Whether a name is an object's and no hand's, as far as that can be told without reading it."""
+    if name in bundled.names("objects"):
+        return name not in bundled_hands()
+    return ending(Path(name)) in (".json", ".sdf", *MESHES) or os.path.isdir(name)
+
+
+def _said(name: str, value: Any) -> str:
+    """A fact about a mesh in words."""
+    if name == "size":
+        return " × ".join(f"{num(1e3 * x, 3)}" for x in value) + " mm"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"about {num(value, 2)} s of processor time" if name == "decomposing" else str(value)
 
 
 @dataclass(kw_only=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import faulthandler
 import logging
+import math
 import os
 import pickle
 import select
@@ -22,8 +23,9 @@ import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from handfast.core import parallel
@@ -36,11 +38,24 @@ MEMORY = 2 << 30  # [bytes] beyond what is there at the beginning
 SECONDS = 30  # of processor time
 PATIENCE = 5  # times as long is waited
 WAIT = 0.1  # [s] between looks at the result: Ctrl-C is heard in between
+LATE = "is not done in the time that was given"
 LOG = logging.getLogger("handfast")
 _NEW = "import sys; sys.path[:] = sys.argv[4:]; from handfast.core.limited import main; main(*map(int, sys.argv[1:4]))"
 
+_UNTIL: ContextVar[float] = ContextVar("_UNTIL", default=math.inf)  # on the monotonic clock
+
 Result = TypeVar("Result")
 Limits = tuple[int, int]  # bytes of memory, seconds of processor time
+
+
+@contextmanager
+def within(seconds: float) -> Iterator[None]:
+    """A context in which `limited` refuses what is not done when so many seconds have passed, whatever it works on."""
+    before = _UNTIL.set(min(_UNTIL.get(), time.monotonic() + seconds))
+    try:
+        yield
+    finally:
+        _UNTIL.reset(before)
 
 
 def limited(
@@ -65,7 +80,11 @@ def limited(
         Exception: what the function raises.
     """
     forked = parallel.START == "fork" and not new
-    reply, code = (_forked if forked else _begun)(function, arguments, (memory, seconds * threads), PATIENCE * seconds)
+    wait, left = float(PATIENCE * seconds), max(_UNTIL.get() - time.monotonic(), WAIT)
+    limits = memory, seconds * threads
+    reply, code = (_forked if forked else _begun)(function, arguments, limits, min(wait, left))
+    if code is None and left < wait:
+        raise InputError(LATE)
     if code != 0 or not reply:
         raise InputError(_ending(code, memory, seconds))
     good, result, records = pickle.loads(reply)  # of our own process

@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, require_positive
 from handfast.core.libraries import deferred_interrupt
-from handfast.core.limited import limited
+from handfast.core.limited import LATE, limited
 from handfast.core.parallel import default_jobs
 from handfast.core.transforms import rigid
 from handfast.model.shape import Faces, Mesh, Shape, refuse_far, volume_and_centroid
@@ -45,12 +46,13 @@ def checked_mesh(v: Array, f: Faces, source: str) -> Mesh:
 def pieces_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = None) -> list[Shape]:
     """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, scaled to metres and placed at `pose` (4, 4).
 
-    Where a part is not convex, a mesh that is turned inside out is turned round, and small holes are closed. That, a
+    Triangles that are wound otherwise than their neighbours are turned round. Where a part is not convex, so is a mesh
+    that is turned inside out, and small holes are closed. That, a
     size that no hand holds, many pieces, and a decomposition of more than some seconds are said in a warning.
 
     Raises:
-        InputError: lengths out of all proportion, no volume, a surface that is open and not convex, a decomposition
-            that takes more than `SECONDS` and `MEMORY`.
+        InputError: lengths out of all proportion, no volume, a surface that is not convex and open, or has one side,
+            a decomposition that takes more than `SECONDS` and `MEMORY`.
     """
     pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in meshes]
@@ -61,7 +63,7 @@ def pieces_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = 
         LOG.warning("%s: is %.3g m long; a mesh in millimetres needs the scale 0.001", name, long)
     if len(groups) > 1 and not all(closed(f) for _, f in groups):
         groups = [_merged(groups)]  # groups that only colour one solid
-    parts = [part for group in groups for part in components(*group)]
+    parts = [(v, _wound_alike(f, name)) for group in groups for v, f in components(*group)]
     if _hollow(parts):
         parts = [_merged(groups)]
     convex = [is_convex(v, f) for v, f in parts]
@@ -76,6 +78,28 @@ def pieces_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = 
     return [Shape.hull(points, pose, f"{Path(name).stem}/{i}") for i, points in enumerate(hulls)]
 
 
+def surface_facts(meshes: list[Mesh], scale: float = 1.0) -> dict[str, Any]:
+    """What triangle meshes (n, 3), (k, 3) are like as they stand.
+
+    `size` (3) [m], `triangles`, `parts` that are connected, `convex` whether all are, `open_edges`, `badly_wound`
+    edges whose triangles are wound in two senses, and `decomposing`, if any is not convex, about how long that
+    takes [s of processor time].
+    """
+    parts = [part for v, f in meshes for part in components(v * scale, f)]
+    whole = np.vstack([v for v, _ in parts])
+    solid = [not _shared_edges(f)[2].any() and is_convex(v, f) for v, f in parts]
+    facts: dict[str, Any] = {
+        "size": np.ptp(whole, axis=0).tolist(),
+        "triangles": sum(len(f) for _, f in parts),
+        "parts": len(parts),
+        "convex": all(solid),
+        "open_edges": sum(len(open_edges(f)) for _, f in parts),
+        "badly_wound": sum(int(_shared_edges(f)[2].sum()) for _, f in parts),
+    }
+    many = sum(len(f) for (_, f), convex in zip(parts, solid, strict=True) if not convex)
+    return facts | ({"decomposing": FIRST + many / RATE} if many else {})
+
+
 def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
     """Vertices of the convex pieces of a part that is not convex."""
     if open_edges(faces):
@@ -87,11 +111,49 @@ def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
             raise InputError(f"{problem}; what is not convex needs a closed surface, or convex pieces")
         LOG.warning("%s: is open; %d triangles close its holes", name, len(filled[1]) - len(faces))
         vertices, faces = filled
+    if _shared_edges(faces)[2].any():
+        raise InputError("has a surface with one side, as a Moebius strip; a solid is needed, or convex pieces")
     seconds = FIRST + len(faces) / RATE
     if seconds > PATIENT:
         told = "%s: is not convex; to take %d triangles apart takes about %d s of processor time, at most %d s"
         LOG.warning(told, name, len(faces), round(seconds), SECONDS * default_jobs())
     return decompose(vertices, faces)
+
+
+def _wound_alike(faces: Faces, name: str) -> Faces:
+    """Triangles of a connected surface with all in one sense, that of most; as they are where they cannot be."""
+    first, second, same = _shared_edges(faces)
+    if not same.any():
+        return faces
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+    n = len(faces)
+    beside = coo_array((np.ones(len(first)), (first, second)), (n, n)).tocsr()
+    differs = {*zip(first[same].tolist(), second[same].tolist(), strict=True)}
+    turned = np.zeros(n, dtype=bool)
+    of_face = connected_components(beside, directed=False)[1]
+    for begin in np.unique(of_face, return_index=True)[1].tolist():
+        order, before = breadth_first_order(beside, begin, directed=False)
+        for i, j in zip(order[1:].tolist(), before[order[1:]].tolist(), strict=True):
+            turned[i] = turned[j] ^ ((i, j) in differs or (j, i) in differs)
+        if 2 * turned[order].sum() > len(order):
+            turned[order] = ~turned[order]
+    out = faces.copy()
+    out[turned] = out[turned][:, ::-1]
+    LOG.warning("%s: %d of %d triangles are wound otherwise than the others; turned round", name, turned.sum(), n)
+    return out
+
+
+def _shared_edges(faces: Faces) -> tuple[Array, Array, Array]:
+    """(k,) of edges with two triangles: which these are, and whether both run along it the same way, as none should."""
+    edges = np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, which, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(which.reshape(-1), kind="stable")
+    at = (np.cumsum(count) - count)[count == 2]
+    one, other = order[at], order[at + 1]
+    n = len(faces)
+    return one % n, other % n, edges[one, 0] == edges[other, 0]
 
 
 def open_edges(faces: Faces) -> list[tuple[int, int]]:
@@ -209,12 +271,14 @@ def decompose(vertices: Array, faces: Faces) -> list[Array]:
     On a surface that cuts itself CoACD may come to no end, or end the process that it runs in.
 
     Raises:
-        InputError: it cannot be done within `SECONDS` and `MEMORY`.
+        InputError: it cannot be done within `SECONDS` and `MEMORY`, or the time of `limited.within`.
     """
     limits = {"memory": MEMORY, "seconds": SECONDS, "threads": default_jobs()}
     try:  # its threads (OpenMP) do not work in a forked process
         return limited(_pieces, vertices, faces, new=True, **limits)
     except InputError as fault:
+        if fault.problem == LATE:
+            raise InputError(f"taking it apart into convex pieces {LATE}; give more, or convex pieces") from None
         problem = "cannot be taken apart into convex pieces; is its surface closed, and does not cut itself?"
         raise InputError(f"{problem} (CoACD {fault.problem})") from None
 

@@ -13,6 +13,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.anatomy import Anatomy
 from handfast.model.hand.hand import Hand
+from handfast.model.mesh_pieces import LONG
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling
 from handfast.planning.filters.surroundings import Surroundings
 from handfast.planning.search import GIVE_UP
@@ -271,7 +272,12 @@ def compared(hand: Hand, body: Body) -> str:
     if 1 / STRANGE <= ratio <= STRANGE:
         return ""
     smaller = "a mesh in millimetres needs --scale 0.001, one in inches --scale 0.0254"
-    help_ = smaller if ratio > 1 else "its mesh may be in metres already: --scale 1"
+    larger = "its mesh may be in metres already: --scale 1"
+    if own > LONG:
+        larger = "the hand's file may be in millimetres, and lengths of URDF and MJCF are in metres"
+    elif body.scale == 1:
+        larger = "its mesh may be in other units: --scale METRES says how long one is"
+    help_ = smaller if ratio > 1 else larger
     sizes = f"is {_length(its)} long, the hand {_length(own)}; {help_}"
     if not 1 / ABSURD <= ratio <= ABSURD:
         raise InputError(sizes, source=body.name or None, field="size")

@@ -6,11 +6,12 @@ import logging
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from handfast.core import bundled
 from handfast.core.errors import FaultsOf, InputError, kinds_checked
 from handfast.model.body import Body
-from handfast.model.mesh_pieces import checked_scale, joined, pieces_of
+from handfast.model.mesh_pieces import checked_scale, joined, pieces_of, surface_facts
 from handfast.readers import registry
 from handfast.readers.body_models import read_folder
 from handfast.readers.mesh_file import read_mesh
@@ -67,6 +68,15 @@ def load_body(
         )
         named = str(source) if str(source) in bundled.names("objects") else str(path)
         return replace(body, source=named, scale=parts.scale)
+
+
+def mesh_facts(path: Path, scale: float = 1.0) -> dict[str, Any]:
+    """What a mesh file is like before it is taken apart; {} for other files. See `mesh_pieces.surface_facts`."""
+    if path.is_dir() or registry.ending(path) not in registry.MESHES or not os.path.isfile(path):
+        return {}
+    with FaultsOf(path):
+        checked_scale(scale)
+        return surface_facts(read_mesh(path), scale)
 
 
 def _parts(path: Path, scale: float) -> ObjectParts:
