@@ -68,7 +68,7 @@ def texts(allegro: str, each: int) -> Iterator[tuple[str, str]]:
     for hand in ("barrett-bh8-280", allegro):
         for thing in OBJECTS if hand else ():
             scene = SceneSource.of(hand, thing)
-            for row in block(hand, thing, 1, 99, 0)[:each]:
+            for row in block((hand, thing, 1, 99), 0)[:each]:
                 named = {"position": row["object_position"], "quaternion": row["object_quaternion"]}
                 named |= {key: row[key] for key in ("joints", "preload", "mass", "friction")}
                 yield "dataset", json.dumps(file_dict(scene.grasp(PosedRow(**named), row["name"], GraspChanges())))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from benchmarks.grasps import random_case
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.kinds import ContactState
@@ -24,6 +25,7 @@ from handfast.stability.problem.objective import INF, SMALLEST_PRELOAD, Objectiv
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search import engine
 from handfast.stability.search.proof import Outcome
+from handfast.stability.search.reduced import Reduced
 from tests.support.problems import bell, nest, pinch, solved, table
 from tests.support.slow_cases import slow_after
 
@@ -355,13 +357,34 @@ def fingers(seed: int) -> Grasp:
     return Grasp(contacts, joints)
 
 
-@pytest.mark.parametrize(("seed", "nodes", "least"), [(0, 560, 0.0019025), (3, 350, 0.0007814), (2, 2800, 0.0018487)])
-def test_least_commands_of_many_motors_take_few_nodes(seed: int, nodes: int, least: float) -> None:
-    """Twelve motors; 710 and 418 nodes where actuators that rest were locked whatever they carried.
-
-    Of the hand of seed 2 the first state is refused by the judge: the search without trials that follows finds another.
-    """
+@pytest.mark.parametrize(("seed", "nodes", "least"), [(0, 760, 0.0019025), (3, 420, 0.0007814)])
+def test_least_commands_of_many_motors(seed: int, nodes: int, least: float) -> None:
+    """Twelve motors, of which none stands for friction: children are not tried."""
     answer = torques(fingers(seed), w(0, 0, -1))
     assert (answer.verdict, answer.verified) == (Verdict.HOLDS, True)
     assert (answer.lower, answer.upper) == pytest.approx((least, least), rel=2e-3)
     assert answer.nodes <= nodes
+
+
+def test_where_joints_rub_children_are_tried_and_least_commands_take_few_nodes() -> None:
+    """A motor for the first joint of each finger and one for the others: 16 actuators stand for their friction.
+
+    1,957 nodes without trials.
+    """
+    still = fingers(1)
+    joints = [replace(joint, friction=0.002) for joint in still.joints]
+    R = np.kron(np.eye(4), [[1.0, 0, 0], [0, 1.0, 0.5]])
+    mechanism = Mechanism(tuple("abcdefgh"), R, np.zeros((0, 12)), (False,) * 8)
+    answer = torques(Grasp(still.contacts, joints, mechanism=mechanism), w(0, 0, -1), settings=Settings(gap=1e-2))
+    assert (answer.verdict, answer.verified) == (Verdict.HOLDS, True)
+    assert (answer.lower, answer.upper) == pytest.approx((0.0079328, 0.0079328), rel=1e-2)
+    assert answer.nodes <= 900
+
+
+def test_a_state_of_a_search_with_trials_that_the_judge_refuses_is_sought_without_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Reduced, "may_try", True)
+    answer = torques(fingers(2), w(0, 0, -1))
+    assert (answer.verdict, answer.verified) == (Verdict.HOLDS, True)
+    assert (answer.lower, answer.upper) == pytest.approx((0.0018487, 0.0018487), rel=2e-3)

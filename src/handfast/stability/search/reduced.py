@@ -162,8 +162,11 @@ class Reduced:
 
     @property
     def may_try(self) -> bool:
-        """Do trials of children pay, where fewer nodes are worth more than their time as their proof is replayed?"""
-        return self.objective > arrays.SCALAR and len(self.active) >= arrays.MANY_ACTUATORS
+        """Do trials of children pay, where fewer nodes are worth more than their time as their proof is replayed?
+
+        Where commands are sought and many other actuators may move, which stand for friction of joints.
+        """
+        return self.objective > arrays.SCALAR and int((~self.driven).sum()) >= arrays.MANY_ACTUATORS
 
     def beginning(self, box: tuple[float, float]) -> Reduced:
         """The same with another of its `boxes`."""
