@@ -1,14 +1,14 @@
 """Bounds without a cap on motions, attacked: is there a witness of any motion above a certified bound?
 
-    python -m benchmarks.no_cap [--count 1000] [--first 700000] [--limit 10] [--shared ../shared]
+    python -m benchmarks.no_cap [--count 1000] [--first 700000] [--limit 10] [--shared ../shared] [--collinear]
 
 Fresh random grasps of 3 to 8 contacts (`grasps.random_case` with seeds that nothing was tuned on), in turn plain,
 with a base load, torque limits, a force limit, uncertain normals, a coupling between two joints, a prismatic joint.
 Each is asked for its maximum. Its upper bound is then attacked: `check` just and far above it, 2 s each, and Newton's
 method from random states whose motions are spread over nine decades, the magnitude held above the bound. A witness
-that `stability/problem/model` accepts there would be a contradiction. With --shared, the grasps of
-reference/cap-cases too.
-Writes results/no_cap.json as it goes on, and goes on where it was stopped.
+that `stability/problem/model` accepts there would be a contradiction, and so would SLIPS at the lower bound. With
+--shared, the grasps of reference/cap-cases too. With --collinear, grasps of 2 to 4 contacts on one line instead.
+Writes results/no_cap.json (no_cap_collinear.json) as it goes on, and goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.model.grasp import Grasp
+from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import check, maximum
@@ -76,11 +76,49 @@ def question(k: int, first: int, sizes: tuple[int, ...] = SIZES) -> tuple[str, G
     return kind, grasp, case.direction, options
 
 
-def attacked(grasp: Grasp, direction: Array, options: dict[str, Any], upper: float, seed: int) -> list[str]:
-    """What was found above the bound: the factors of checks that hold, and magnitudes of Newton's witnesses."""
-    found = []
+def collinear(k: int, first: int) -> tuple[str, Grasp, Array, dict[str, Any]]:
+    """Contacts on one line, through the origin and along an axis or not; a force on it, which turns nothing about it.
+
+    Two fingers squeeze along the line, or all press across it from both sides, each with two joints, of which one is
+    commanded.
+    """
+    m, rng = 2 + k % 3, np.random.default_rng([first + k, 4])
+    kind = ("squeezed", "across")[k // 3 % 2]
+    frame = np.linalg.qr(rng.normal(size=(3, 3)))[0] if k // 6 % 2 else np.eye(3)
+    along, side, across = frame.T
+    places = np.sort(rng.uniform(-0.04, 0.04, m)) + np.linspace(-0.02, 0.02, m)
+    middle = rng.normal(0, 0.03, 3) if k // 12 % 2 else np.zeros(3)
+    contacts, joints, preload, mu = [], [], {}, float(rng.uniform(0.4, 1.0))
+    for i, place in enumerate(places.tolist()):
+        normal = side * (1 if i % 2 else -1)
+        if kind == "squeezed" and i in (0, m - 1):
+            normal = along * (-1 if i else 1)
+        position = middle + place * along
+        contacts.append(Contact(position, normal, mu, f"finger_{i}"))
+        axis = np.cross(normal, across if abs(normal @ across) < 0.5 else side)
+        for j, lever in enumerate((0.06, 0.03)):  # a positive motion presses
+            origin = position - lever * np.cross(normal, axis) - 0.01 * normal
+            joints.append(GraspJoint(f"finger_{i}_{j}", axis, origin, (i,)))
+        preload[f"finger_{i}_0"] = float(rng.uniform(0.05, 0.15))
+    force = rng.normal(size=3)
+    force /= np.linalg.norm(force)
+    at = middle + float(rng.uniform(*places[[0, -1]])) * along
+    return f"{kind} {m}", Grasp(contacts, joints, preload=preload), np.r_[force, np.cross(at, force)], {}
+
+
+def attacked(
+    grasp: Grasp, direction: Array, options: dict[str, Any], bounds: tuple[float, float], seed: int
+) -> list[str]:
+    """What contradicts the bounds: SLIPS at the lower one; above the upper one checks that hold, Newton's witnesses."""
+    found, (lower, upper) = [], bounds
     rest = {name: v for name, v in options.items() if name != "base"}
     base = options.get("base", np.zeros(6))
+    if np.isfinite(lower) and lower > 0:
+        below = check(grasp, base + lower * direction, settings=Settings(timeout=ATTACK), **rest)
+        if below.verdict is Verdict.SLIPS:
+            found.append("check slips at the lower bound")
+    if not np.isfinite(upper):
+        return found
     for factor in ABOVE:
         s = upper * factor if upper > 0 else factor * 1e-3
         answer = check(grasp, base + s * direction, settings=Settings(timeout=ATTACK), **rest)
@@ -126,7 +164,7 @@ def ask(
         "motion_cap": a.proof.cap if a.proof else None,
         "nodes": a.nodes,
         "seconds": round(seconds, 3),
-        "contradictions": attacked(grasp, direction, options, a.upper, seed) if bounded else [],
+        "contradictions": attacked(grasp, direction, options, (a.lower, a.upper), seed),
     }
 
 
@@ -143,8 +181,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=700_000)
     parser.add_argument("--limit", type=float, default=10.0, help="[s] per question")
     parser.add_argument("--shared", type=Path, default=None)
-    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--collinear", action="store_true", help="contacts on one line instead")
+    parser.add_argument("--out", type=Path, default=None)
     args = parser.parse_args()
+    args.out = args.out or (RESULTS.with_stem("no_cap_collinear") if args.collinear else RESULTS)
+    draw = collinear if args.collinear else question
     rows: list[dict[str, Any]] = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
     done = {row["name"] for row in rows}
 
@@ -186,7 +227,7 @@ def main() -> None:
         name = f"{args.first + k}"
         if name in done:
             continue
-        kind, grasp, direction, options = question(k, args.first)
+        kind, grasp, direction, options = draw(k, args.first)
         rows.append(ask(name, kind, grasp, direction, options, args.first + k, args.limit))
         last = rows[-1]
         if last["contradictions"] or wide(last) or last["stop"] != Stop.COMPLETE:

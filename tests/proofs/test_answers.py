@@ -178,11 +178,11 @@ def capped() -> dict[str, Any]:
 @pytest.mark.slow
 def test_a_cap_on_motions_is_told() -> None:
     exact = capped()["answer"]["motion_cap"]
-    for cap in (None, exact * (1 + 10 * SAME), 2 * exact, -1.0):
+    for cap in (None, exact * (1 + 10 * SAME), 2 * exact, -1.0, True, 10**50):
         data = capped()
         data["answer"]["motion_cap"] = cap
         assert reason(data) == "answer: motion_cap is not what the rest of the file shows"
-    for cap in (exact, exact * (1 - 10 * SAME), 0.5 * exact, 1.0):  # what is so up to a motion is so up to less
+    for cap in (exact, exact * (1 - 10 * SAME), 0.5 * exact, 1.0, 1):  # what is so up to a motion is so up to less
         data = capped()
         data["answer"]["motion_cap"] = cap
         assert verify(data).part("certificate").figures["motion_cap"] == exact

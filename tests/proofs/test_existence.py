@@ -14,10 +14,10 @@ from handfast.model.mechanism import Mechanism
 from handfast.proofs import states
 from handfast.proofs.balls import Balls, refined
 from handfast.proofs.existence import AWAY, _inside, nearby, polished, prove, slacks
+from handfast.proofs.grasp import StartData
 from handfast.proofs.newton import BITS, Box, System
 from handfast.proofs.question import read_question
 from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
-from handfast.proofs.step_start import StartData
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import check, maximum

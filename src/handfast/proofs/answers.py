@@ -84,26 +84,35 @@ def read_answer(data: Any, place: str = "") -> SavedAnswer:
     f = Fields(data, place)
     f.text("schema", among=[SCHEMA])
     question = read_question(f.take("question"), f.at("question"))
-    said = f.take("answer")
-    of_answer = Fields(said, f.at("answer"))
-    of_answer.text("schema", among=["handfast/answer/1"])
-    of_answer.text("query", among=tuple(QUERIES))
-    of_answer.text("verdict", among=VERDICTS)
-    of_answer.text("stop", among=STOPS)
-    of_answer.number("seconds", least=0.0)
-    of_answer.whole("nodes")
-    of_answer.flag("verified")
-    witness = read_witness(f.object("witness"), question) if f.has("witness") else None
-    proof = f.take("certificate") if f.has("certificate") else None
-    certificate = None if proof is None else read_certificate(proof, f.at("certificate"), question)
+    said = read_said(f, QUERIES)
+    witness, certificate = read_proofs(f, question)
     of_arcs = tuple(ranges.read_arc(x, question) for x in f.objects("arcs", []))
     of_slips = tuple(read_certificate(x, place, question) for x, place in f.items("slips", []))
     f.done()
     return SavedAnswer(question, said, witness, certificate, of_arcs, of_slips)
 
 
-def read_witness(f: Fields, q: Question) -> Witness:
-    """The witness in a file about a question."""
+def read_said(f: Fields, queries: Collection[str]) -> Mapping[str, Any]:
+    """The answer in a file, as JSON: to one of these queries, and with its course. Raises `BadFile`."""
+    answer = f.take("answer")
+    said = Fields(answer, f.at("answer"))
+    said.text("schema", among=["handfast/answer/1"])
+    for name, among in (("query", queries), ("verdict", VERDICTS), ("stop", STOPS)):
+        said.text(name, among=tuple(among))
+    said.number("seconds", least=0.0)
+    said.whole("nodes")
+    said.flag("verified")
+    return dict(answer)
+
+
+def read_proofs(f: Fields, q: Question) -> tuple[Witness | None, Certificate | None]:
+    """What is in a file for and against a question; None for what is not there, or null. Raises `BadFile`."""
+    witness = _read_witness(f.object("witness"), q) if f.has("witness") else None
+    place = f.at("certificate")
+    return witness, read_certificate(f.take("certificate"), place, q) if f.has("certificate") else None
+
+
+def _read_witness(f: Fields, q: Question) -> Witness:
     wrench, by_name = f.numbers("wrench", (6,)), f.named("command")
     if set(by_name) != set(q.grasp.actuators):
         raise BadFile(f"are not those of the actuators {', '.join(q.grasp.actuators)}", f.at("command"))
@@ -144,12 +153,30 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     if not close(w.command, command):
         return None, Replay("witness", claim, "it is a state with other commands")
     found = prove(Problem.of(q, command, base, along, magnitude), w.state, least=query.least(saved))
-    reason = "" if found.exact or found.tolerant else found.reason
-    reason = reason or query.held_fault(saved, w, found)
+    return found, held("witness", claim, found, query.held_fault(saved, w, found))
+
+
+def held(name: str, claim: str, found: Proved, fault: str = "") -> Replay:
+    """The claim that a state exists, from what is proved of it; fault: what else is wrong with it, "" if nothing."""
+    reason = found.reason if not (found.exact or found.tolerant) else fault
     claim += f", with virtual motions of {found.motion:.6g} N" if not reason else ""
-    to = "" if found.exact else ", to 1e-9 of the load"
+    claim += "" if found.exact else ", to 1e-9 of the load"
     figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius, "motion": found.motion}
-    return found, Replay("witness", claim + to, reason, figures)
+    return Replay(name, claim, reason, figures)
+
+
+def refuted(claim: str, c: Certificate, magnitude: float, motion: Array | None, complete: bool) -> Replay:
+    """The claim that no state exists, from its certificate.
+
+    magnitude, motion: as of `cap_fault`, which is asked if it is to count as complete.
+    """
+    found = checker.verify(c)
+    reason = found.reason
+    if found.cap is not None and not reason:
+        claim += f", up to virtual motions of {found.cap:.6g} N"
+        reason = cap_fault(c.question, found.cap, magnitude, motion) if complete else ""
+    figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
+    return Replay("certificate", claim, reason, figures)
 
 
 def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float | None]:
@@ -166,16 +193,17 @@ def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float 
     if c.scalar is not None and not (c.scalar[0] <= lo and c.scalar[1] >= hi):
         reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
         return [Replay("certificate", claim, reason)], None
-    found = checker.verify(c)
-    reason = found.reason
     if magnitude > 0 or saved.said["query"] == "max":
         claim += f", up to {q.magnitudes(c.scalar)[1]:.6g} times the direction" if c.scalar is not None else ""
-    if found.cap is not None and not reason:
-        claim += f", up to virtual motions of {found.cap:.6g} N"
-        if saved.said["stop"] == "complete" or saved.said["verdict"] == "slips":
-            reason = cap_fault(q, found.cap, magnitude, saved.witness.state.motion if saved.witness else None)
-    figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
-    return [Replay("certificate", claim, reason, figures)], found.cap
+    complete = saved.said["stop"] == "complete" or saved.said["verdict"] == "slips"
+    part = refuted(claim, c, magnitude, saved.witness.state.motion if saved.witness else None, complete)
+    return [part], motion_cap(part)
+
+
+def motion_cap(part: Replay) -> float | None:
+    """[N] up to which virtual motions a certificate is proved, see `refuted`; None without any end."""
+    cap = part.figures["motion_cap"]
+    return cap if isinstance(cap, float) else None
 
 
 def cap_fault(q: Question, cap: float, magnitude: float, motion: Array | None) -> str:
@@ -210,7 +238,7 @@ def compare(said: Mapping[str, Any], shown: Mapping[str, Any], course: Collectio
     for key, value in shown.items():
         if key not in said:
             raise Refused(f"{key} is missing")
-        numbers = isinstance(said[key], float) and isinstance(value, float)
+        numbers = _is_number(said[key]) and isinstance(value, float)
         within = {"residual": ROUNDING, "motion": NEAR * value}.get(key, 0.0) if numbers else 0.0
         rounds = numbers and abs(said[key] - value) <= within
         says_less = numbers and key == "motion_cap" and 0 <= said[key] <= value

@@ -18,7 +18,7 @@ from handfast.proofs.fields import Array, Integers, Mask, rationals
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, Range
 from handfast.proofs.rows import UNIT, Columns
-from handfast.proofs.tolerance import EPS, WORK, load_scale
+from handfast.proofs.tolerance import EPS, WORK, load_scale, slack_units
 
 ROUNDED = 64 * UNIT  # relative error of an entry of G and J, of its sum of absolute values
 
@@ -256,7 +256,7 @@ class RightSide:
         if load.g_a.any():
             exact[6 : 6 + q.joints] = q.equivalent.exact
         units = np.zeros(p)
-        units[: 6 + g.l] = np.concatenate([[1.0] * 3, [g.size] * 3, g.joint_units])
+        units[: 6 + g.l] = slack_units(g)
         of_load, grows = 0.0, 0.0
         if load.w_b.any():
             grows = load_scale(g, load.w_b)

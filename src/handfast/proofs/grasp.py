@@ -16,16 +16,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from handfast.proofs.fields import (
-    Array,
-    BadFile,
-    Fields,
-    Integers,
-    Mask,
-    exact,
-    refuse_unknown,
-)
-from handfast.proofs.step_start import StartData
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, exact, refuse_unknown
 
 MANY = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
@@ -33,6 +24,25 @@ LEAST_LEVER = 1e-7  # [m] of a soft finger, torsion over friction, is above this
 STOPS = "", "lower", "upper", "both"
 Maps = tuple[Array, Array, Array, Array]  # G, J, twist map and twist Jacobian
 NOTHING = 1e-14  # relative: what rounding leaves of a length that is none
+
+
+@dataclass(frozen=True, eq=False)
+class StartData:
+    """The state that a step of a load's path starts from, as far as the step knows it: how far it has come.
+
+    A hand squeezes, then the load comes and grows; see docs/load-path.md. In each step friction and commanded gearing
+    know what moves in that step alone. Springs of contacts, stops, and tendons that nobody commands know the whole
+    motion, of which these numbers are the part from before. What a step proves is about exactly them. The step after
+    has those of the witness, but for 1e-9 of the load (`states.came_from`).
+
+    Attributes:
+        gaps: (m,) [N] d_n of the contacts at unit stiffness; negative where a spring is pressed.
+        stops: (l,) >= 0, of joints away from their stop. slack: (a,) >= 0, t of tendons that nobody commands.
+    """
+
+    gaps: Array
+    stops: Array
+    slack: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,17 +117,15 @@ class GraspData:
 
     def with_command(self, command: Array) -> GraspData:
         """With other commands (a,), and all that was worked out of the rest."""
-        out = replace(self, command=command)
-        known = {name: value for name, value in self.__dict__.items() if name not in out.__dict__}
-        out.__dict__.update(known)
-        return out
+        return self._with_known(replace(self, command=command), ())
 
     def with_start(self, start: StartData | None) -> GraspData:
         """In a step that starts from there."""
-        out = replace(self, start=start)
-        known = {name: value for name, value in self.__dict__.items() if name not in out.__dict__}
-        for name in ("gaps", "stops", "stops_left", "independent_rows"):
-            known.pop(name, None)
+        return self._with_known(replace(self, start=start), ("gaps", "stops", "stops_left", "independent_rows"))
+
+    def _with_known(self, out: GraspData, but: Sequence[str]) -> GraspData:
+        """With what was worked out of this one."""
+        known = {name: x for name, x in self.__dict__.items() if name not in out.__dict__ and name not in but}
         out.__dict__.update(known)
         return out
 
@@ -132,12 +140,15 @@ class GraspData:
         own = np.zeros(self.a) if self.start is None else self.start.slack
         return np.where(self.tendon & (self.command == 0), own, 0.0)
 
+    @property
+    def stop_side(self) -> Array:
+        """(l,) the sense in which each joint leaves its stop: 1 at the lower one, -1 at the upper one, else 0."""
+        return np.array([0.0, 1.0, -1.0, 0.0])[self.stop]  # as `STOPS`
+
     @cached_property
     def stops_left(self) -> Array:
         """(l,) how far each joint had left its stop before the step, negative at an upper one; 0 without a stop."""
-        own = np.zeros(self.l) if self.start is None else self.start.stops
-        names = [STOPS[k] for k in self.stop]
-        return own * np.array([{"lower": 1.0, "upper": -1.0}.get(name, 0.0) for name in names])
+        return self.stop_side * (0.0 if self.start is None else self.start.stops)
 
     def same_but_commands(self, other: GraspData) -> bool:
         """Are all other numbers and names the same, but for commands and the start of a step?"""
@@ -357,6 +368,17 @@ def read_grasp(data: Any, place: str) -> GraspData:
     command = out.commands(f.named("preload", {}), f.at("preload"))
     f.done()
     return out.with_command(command)
+
+
+def read_start(f: Fields, g: GraspData) -> GraspData:
+    """The grasp in a step that starts from what the field `from` says. Raises `BadFile`."""
+    start = f.object("from")
+    out = StartData(*(start.numbers(name, (n,)) for name, n in (("gaps", g.m), ("stops", g.l), ("slack", g.a))))
+    start.done()
+    for name in ("stops", "slack"):
+        if (getattr(out, name) < 0).any():
+            raise BadFile("has a negative number; 0 or more is needed", start.at(name))
+    return g.with_start(out)
 
 
 def _contact(f: Fields) -> dict[str, Any]:

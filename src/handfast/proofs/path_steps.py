@@ -16,27 +16,27 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs import checker
 from handfast.proofs.answers import (
     COURSE,
     NOT_REPLAYED,
     NOTHING,
-    STOPS,
-    VERDICTS,
     Witness,
-    cap_fault,
     close,
     compare,
     described,
-    read_witness,
+    held,
+    motion_cap,
+    read_proofs,
+    read_said,
+    refuted,
 )
-from handfast.proofs.certificate import Certificate, read_certificate
+from handfast.proofs.certificate import Certificate
 from handfast.proofs.existence import NEAR, Proved, prove
 from handfast.proofs.fields import SAME, BadFile, Fields
+from handfast.proofs.grasp import StartData, read_start
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.step_start import StartData, read_start
 from handfast.proofs.tolerance import farthest
 
 SCHEMA = "handfast/path/1"
@@ -77,16 +77,8 @@ def read_path(data: Any, place: str = "") -> SavedPath:
     question = read_question(f.take("question"), f.at("question"))
     if question.goal != CHECK or question.grasp.start is not None or not question.mdp:
         raise BadFile("is no check from rest with the dissipation principle", f.at("question"))
-    said = f.take("answer")
-    of_answer = Fields(said, f.at("answer"))
-    of_answer.text("schema", among=["handfast/answer/1"])
-    of_answer.text("query", among=QUERIES)
-    of_answer.text("verdict", among=VERDICTS)
-    of_answer.text("stop", among=STOPS)
-    of_answer.text("loading", among=[LOADING])
-    of_answer.number("seconds", least=0.0)
-    of_answer.whole("nodes")
-    of_answer.flag("verified")
+    said = read_said(f, QUERIES)
+    Fields(said, f.at("answer")).text("loading", among=[LOADING])
     steps = tuple(_read_step(x, question) for x in f.objects("steps"))
     f.done()
     return SavedPath(question, said, steps)
@@ -95,13 +87,9 @@ def read_path(data: Any, place: str = "") -> SavedPath:
 def _read_step(f: Fields, q: Question) -> Step:
     magnitude, g = f.number("magnitude", least=0.0), q.grasp
     if f.has("from"):
-        g = g.with_start(read_start(f.take("from"), f.at("from"), (g.m, g.l, g.a)))
+        g = read_start(f, g)
     own = replace(q, grasp=g, wrench=magnitude * q.wrench)
-    witness = read_witness(f.object("witness"), own) if f.has("witness") else None
-    proof = f.take("certificate") if f.has("certificate") else None
-    certificate = None if proof is None else read_certificate(proof, f.at("certificate"), own)
-    for name in ("from", "witness", "certificate"):
-        f.take(name, None)
+    witness, certificate = read_proofs(f, own)
     f.done()
     return Step(magnitude, own, witness, certificate)
 
@@ -179,13 +167,10 @@ def _state(k: int, step: Step) -> tuple[Proved, Replay]:
     problem = _problem(step)
     reach = near_enough(problem, w.state)
     found = prove(problem, w.state, within=reach)
-    reason = "" if found.exact or found.tolerant else found.reason
-    if not reason and not found.radius <= reach:
-        reason = f"the state that is proved is {found.radius:.1e} N from the numbers that the path goes on from"
-    claim += f", with virtual motions of {found.motion:.6g} N" if not reason else ""
-    to = "" if found.exact else ", to 1e-9 of the load"
-    figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius}
-    return found, Replay(f"step {k}", claim + to, reason, figures)
+    fault = ""
+    if not found.radius <= reach:
+        fault = f"the state that is proved is {found.radius:.1e} N from the numbers that the path goes on from"
+    return found, held(f"step {k}", claim, found, fault)
 
 
 def near_enough(p: Problem, x: State) -> float:
@@ -200,13 +185,8 @@ def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Re
     claim = "the commands alone are in no balance"
     if before is not None:
         claim = f"{step.magnitude:.6g} times the load is not resisted from the state at {before.magnitude:.6g} times"
-    found = checker.verify(step.certificate)
-    reason = found.reason
-    if found.cap is not None and not reason:
-        claim += f", up to virtual motions of {found.cap:.6g} N"
-        reason = cap_fault(step.question, found.cap, 0.0, None)
-    figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
-    return Replay("certificate", claim, reason, figures), found.cap
+    part = refuted(claim, step.certificate, 0.0, None, complete=True)
+    return part, motion_cap(part)
 
 
 def _compare(saved: SavedPath, last: Step | None, proved: Proved | None, of_steps: dict[str, Any]) -> None:

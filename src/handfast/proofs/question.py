@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
-from handfast.proofs.grasp import GraspData, read_grasp
+from handfast.proofs.grasp import GraspData, read_grasp, read_start
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
-from handfast.proofs.step_start import read_start
 
 CHECK, SMALLEST_PRELOAD, LARGEST, TORQUES = GOALS = "check", "smallest preload", "largest", "torques"
 MAX_ETA = float(np.radians(45.0))
@@ -202,11 +201,10 @@ def read_question(data: Any, place: str) -> Question:
     if len(set(driven)) < len(driven) or (driven and goal != TORQUES):
         raise BadFile("is for the goal 'torques', each actuator once", f.at("driven"))
     if f.has("from"):
-        start = read_start(f.take("from"), f.at("from"), (g.m, g.l, g.a))
+        g = read_start(f, g)
         if goal != CHECK or not mdp:
             right = "it is for the goal 'check', with the dissipation principle"
             raise BadFile(f"has no meaning here; {right}", f.at("from"))
-        g = g.with_start(start)
     f.done()
     zero = np.zeros(6) if direction is None else direction
     return Question(g, goal, effort == "sum", wrench, zero, eta, mdp, limits, force, driven)

@@ -29,10 +29,9 @@ import numpy as np
 from flint import fmpq
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, rational, rounded
-from handfast.proofs.grasp import STOPS, GraspData
+from handfast.proofs.grasp import GraspData, StartData
 from handfast.proofs.question import Question
-from handfast.proofs.step_start import ALIKE, StartData
-from handfast.proofs.tolerance import load_scale
+from handfast.proofs.tolerance import EPS, load_scale
 
 Numbers = Callable[[Any], Any]  # from floats to arrays of floats, balls or rational numbers
 
@@ -147,16 +146,15 @@ class Problem:
 def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
     """Where a state of a step came to: what the next one starts from; and by how much that may differ.
 
-    The springs of contacts that press are where their forces are. Differences are `step_start.ALIKE` of the load, which
+    The springs of contacts that press are where their forces are. Differences are `tolerance.EPS` of the load, which
     any state may miss, and rounding; a stop or a tendon that is nearer is there.
     """
     g, (M, size) = p.grasp, p.grasp.rows
-    d, off = M @ x.motion, ALIKE * p.scale * g.row_units + 8 * len(M) * ULP * (size @ np.abs(x.motion))
+    d, off = M @ x.motion, EPS * p.scale * g.row_units + 8 * len(M) * ULP * (size @ np.abs(x.motion))
     rows, (_, _, actuators, _, joints) = g.contact_rows, g.parts
     slides = np.sqrt((d[rows[:, 1:]] ** 2).sum(axis=1))
     gaps = np.where(x.c[::3] > 0, -x.c[::3], g.gaps + p.cos * d[rows[:, 0]] + p.sin * slides)
-    stopped = np.array([{"lower": 1.0, "upper": -1.0}.get(STOPS[k], 0.0) for k in g.stop])
-    stops = np.abs(g.stops_left) + stopped * d[joints]
+    stops = np.abs(g.stops_left) + g.stop_side * d[joints]
     slack = np.where(g.tendon & (g.command == 0), g.slack + d[actuators], 0.0)
     stops, slack = (np.where(y <= most, 0.0, y) for y, most in ((stops, off[joints]), (slack, off[actuators])))
     room = StartData(off[rows].sum(axis=1), 2 * off[joints], 2 * off[actuators])

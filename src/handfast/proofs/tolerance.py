@@ -69,9 +69,11 @@ def motion_size(g: GraspData, motion: Array, off: Array | float = 0.0) -> float:
     return float(max(moved.max(), turned.max(), joints.max(initial=0.0)) * (1 + 1e-12))
 
 
-def slack(g: GraspData, scale: float) -> Array:
-    """(6 + l,) by which (1), forces and torques about the contacts' centroid, and (2), by joint, may be missed."""
-    return EPS * scale * np.r_[1.0, 1.0, 1.0, g.size * np.ones(3), g.joint_units]
+def slack_units(g: GraspData) -> Array:
+    """(6 + l,) by which (1), forces and torques about the contacts' centroid, and (2), by joint, may be missed, over
+    `EPS` times the scale.
+    """
+    return np.concatenate([np.ones(3), np.full(3, g.size), g.joint_units])
 
 
 # --- forces in play in a question [N], as forces at a contact: units, axes and the origin change nothing ----

@@ -11,10 +11,9 @@ import numpy as np
 
 from handfast.core.schema import written
 from handfast.model.grasp import Grasp
-from handfast.proofs.grasp import GraspData, read_grasp
+from handfast.proofs.grasp import GraspData, StartData, read_grasp
 from handfast.proofs.question import Question
 from handfast.proofs.states import State as StateData
-from handfast.proofs.step_start import StartData
 from handfast.readers import grasp_file
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import Objective
