@@ -3,10 +3,10 @@
     python -m benchmarks.load_path [--hands FOLDER] [--shared ../shared] [--seconds 3600]
 
 Asks the questions of `benchmarks.simulation_agreement` again, at the same loads, with `loading="preload-first"`, and
-holds the answers against the engine's stored outcomes with the commands first. In turn one question where the paper's
-answers contradict the engine, and one where none does, each in a fixed shuffled order, those that are not fragile
-first; both are counted apart, as they are no sample of all. Also the processor time of each path beside that of a
-check of the same load. Writes results/load_path.json as it goes on, and goes on where it was stopped.
+holds the answers against the engine's stored outcomes with the commands first: all that have a bounded maximum, in one
+shuffled order, so that what is asked is a fair sample wherever it ends. Questions of hands that are not in the
+repository are left out unless the folders have them. Also the processor time of each path beside that of a check.
+Writes results/load_path.json as it goes on, and goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -42,11 +42,6 @@ def rows_of(question: dict[str, Any]) -> list[dict[str, Any]]:
     return [row for row in question["rows"] if row["loading"] == FIRST]
 
 
-def contradicted(question: dict[str, Any]) -> bool:
-    """Does any of the paper's answers say otherwise than the engine, with the commands first?"""
-    return any(study.outcome(row).startswith("said") for row in rows_of(question))
-
-
 def timed(grasp: Grasp, wrench: Array, loading: Loading) -> tuple[CheckAnswer, float]:
     """An answer, and its processor time [s]."""
     begun = time.process_time()
@@ -59,43 +54,39 @@ def answered(grasp: Grasp, most: Array, question: dict[str, Any]) -> list[dict[s
     out = []
     for row in rows_of(question):
         answer, seconds = timed(grasp, row["share"] * most, FIRST)
-        _, together = timed(grasp, row["share"] * most, "together")
+        again, together = timed(grasp, row["share"] * most, "together")
         path = answer.path
         assert isinstance(path, LoadPath)
         own = {"said": str(answer.verdict), "by_steps": path.by_steps, "other_choice": path.other_choice}
-        own |= {"proved": answer.verify().ok, "seconds": seconds, "seconds together": together}
+        own |= {"reached": path.reached, "straight": path.resolution == 0, "proved": answer.verify().ok}
+        own |= {"seconds": seconds, "seconds together": together, "paper again": str(again.verdict)}
         out.append({"share": row["share"], "ending": row["ending"], "paper": row["said"]} | own)
     return out
 
 
 def order(stored: dict[str, dict[str, Any]]) -> list[str]:
-    """Names of questions in which they are asked."""
-    rng = np.random.default_rng(30)
-    out: list[str] = []
-    for firm in (True, False):
-        alike = [n for n, q in stored.items() if q.get("maximum") and (not q["fragile"]) == firm]
-        rng.shuffle(alike)
-        parts = [[n for n in alike if contradicted(stored[n]) == bad] for bad in (True, False)]
-        for k in range(max(map(len, parts))):
-            out += [part[k] for part in parts if k < len(part)]
-    return out
+    """Names of questions with a bounded maximum, in the order in which they are asked."""
+    names = [name for name, question in stored.items() if question.get("maximum")]
+    return [names[k] for k in np.random.default_rng(30).permutation(len(names))]
+
+
+def counted(rows: list[dict[str, Any]], said: str) -> dict[str, Any]:
+    """How answers fare beside the engine; said: "paper" or "said"."""
+    counts = Counter(study.outcome({"ending": r["ending"], "said": r[said]}) for r in rows)
+    return {"agreement": round(counts["agree"] / max(len(rows), 1), 4)} | dict(sorted(counts.items()))
 
 
 def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Counts by what the paper's answers did, and the times of paths over those of checks."""
+    """Counts of all answers, of those that are not fragile, and of each family; times of paths over those of checks."""
+    parts = {"all": list(asked.values()), "not fragile": [q for q in asked.values() if not q["fragile"]]}
+    for family in sorted({q["family"] for q in asked.values()}):
+        parts[family] = [q for q in asked.values() if q["family"] == family]
+        parts[f"{family}, not fragile"] = [q for q in parts[family] if not q["fragile"]]
     out: dict[str, Any] = {}
-    for name, bad, firm in (
-        (f"{f}, {b}", b, f) for f in ("not fragile", "fragile") for b in ("contradicted", "others")
-    ):
-        chosen = [
-            q for q in asked.values() if (q["contradicted"], q["fragile"]) == (bad == "contradicted", firm == "fragile")
-        ]
+    for name, chosen in parts.items():
         rows = [row for q in chosen for row in q["rows"]]
-        counts = {
-            said: dict(sorted(Counter(study.outcome({"ending": r["ending"], "said": r[said]}) for r in rows).items()))
-            for said in ("paper", "said")
-        }
-        out[name] = {"questions": len(chosen), "loads": len(rows), "paper": counts["paper"], "path": counts["said"]}
+        out[name] = {"questions": len(chosen), "loads": len(rows)}
+        out[name] |= {"together": counted(rows, "paper"), "path": counted(rows, "said")}
     rows = [row for q in asked.values() for row in q["rows"]]
     if rows:
         times = np.array([[row["seconds"], row["seconds together"]] for row in rows])
@@ -104,9 +95,11 @@ def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
             "median": round(float(np.median(times[:, 0] / times[:, 1])), 2),
         }
         out["proved"] = sum(row["proved"] for row in rows)
-        out["loads"] = len(rows)
         out["depends on the choice of a state"] = sum(
             row["other_choice"] not in (None, *row["by_steps"].values()) for row in rows
+        )
+        out["together says otherwise now"] = sum(
+            {row["paper"], row["paper again"]} == {"holds", "slips"} for row in rows
         )
     return out
 
@@ -131,8 +124,8 @@ def main() -> None:
         except InputError:
             continue
         rows = answered(grasp, stored[name]["maximum"] * direction, stored[name])
-        about = {"family": stored[name]["family"], "contradicted": contradicted(stored[name])}
-        data["questions"][name] = about | {"fragile": bool(stored[name]["fragile"]), "rows": rows}
+        about = {"family": stored[name]["family"], "fragile": bool(stored[name]["fragile"])}
+        data["questions"][name] = about | {"rows": rows}
         data |= {"machine": describe(), "summary": summary(data["questions"])}
         study.save(data, args.results)
     print(json.dumps(summary(data["questions"]), indent=1), flush=True)
