@@ -34,6 +34,7 @@ class Settled:
         root: name of the hand's root body; object_pose: (4, 4) in its frame.
         turned: (3, 3) from the object's frame to the world's, in which pushes are; center: (3,) of mass, in the former.
         positions, normals: (n, 3) of the contacts that press, into the object, in the object's frame; links (n,).
+        squeeze: [N] sum of their normal forces. within: how many points the hand's own parts touch each other at.
     """
 
     joints: dict[str, float]
@@ -47,6 +48,8 @@ class Settled:
     positions: Array
     normals: Array
     links: tuple[str, ...]
+    squeeze: float
+    within: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,20 +108,9 @@ class GraspBench:
         import mujoco
 
         m, d = self.model, self.data
-        mujoco.mj_resetData(m, d)
-        d.qpos[:-7], d.qpos[-7:] = stages[0][7:], object_pose
-        d.ctrl[:] = self.moment @ stages[0][7:]
-        self._place(stages[0][:7])
-        mujoco.mj_forward(m, d)
-        if d.ncon and float(d.contact.dist.min()) < -DEEPEST:
+        settled = self.squeezed(stages, object_pose)
+        if settled is None:
             return ProtocolOutcome((False,) * 6, None)
-        for before, after in ((stages[0], stages[1]), (stages[1], stages[2])):
-            for k in range(10):
-                at = before + (k + 1) / 10 * (after - before)
-                self._place(np.r_[at[:3], at[3:7] / np.linalg.norm(at[3:7])])
-                d.ctrl[:] = self.moment @ at[7:]
-                mujoco.mj_step(m, d, STEPS // 10)
-        settled = self._settled()
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.zeros(mujoco.mj_stateSize(m, kind))
         mujoco.mj_getState(m, d, state, kind)
@@ -129,6 +121,26 @@ class GraspBench:
                 d.xfrc_applied[self.object, axis] = sign * PUSH
                 held.append(self._stays(object_pose))
         return ProtocolOutcome(tuple(held), settled)
+
+    def squeezed(self, stages: tuple[Array, Array, Array], object_pose: Array) -> Settled | None:
+        """The hand after the squeeze; None if the pre-grasp penetrates too deeply. Arguments as of `run`."""
+        import mujoco
+
+        m, d = self.model, self.data
+        mujoco.mj_resetData(m, d)
+        d.qpos[:-7], d.qpos[-7:] = stages[0][7:], object_pose
+        d.ctrl[:] = self.moment @ stages[0][7:]
+        self._place(stages[0][:7])
+        mujoco.mj_forward(m, d)
+        if d.ncon and float(d.contact.dist.min()) < -DEEPEST:
+            return None
+        for before, after in ((stages[0], stages[1]), (stages[1], stages[2])):
+            for k in range(10):
+                at = before + (k + 1) / 10 * (after - before)
+                self._place(np.r_[at[:3], at[3:7] / np.linalg.norm(at[3:7])])
+                d.ctrl[:] = self.moment @ at[7:]
+                mujoco.mj_step(m, d, STEPS // 10)
+        return self._settled()
 
     def _place(self, pose: Array) -> None:
         import mujoco
@@ -156,16 +168,18 @@ class GraspBench:
         for pose, body in zip(at, (self.palm, self.object), strict=True):
             pose[:3, :3], pose[:3, 3] = d.xmat[body].reshape(3, 3), d.xpos[body]
         inverse = np.linalg.inv(at[1])
-        positions, normals, links = [], [], []
+        positions, normals, links, squeeze, within = [], [], [], 0.0, 0
         force = np.zeros(6)
         for k in range(d.ncon):
             contact = d.contact[k]
             bodies = [int(m.geom_bodyid[g]) for g in contact.geom]
             if self.object not in bodies:
+                within += 1
                 continue
             mujoco.mj_contactForce(m, d, k, force)
             if force[0] <= 0:
                 continue
+            squeeze += float(force[0])
             sense = 1.0 if bodies[1] == self.object else -1.0  # a contact's normal points from its first geom
             positions.append(inverse[:3, :3] @ contact.pos + inverse[:3, 3])
             normals.append(sense * inverse[:3, :3] @ contact.frame[:3])
@@ -182,6 +196,8 @@ class GraspBench:
             np.array(positions).reshape(-1, 3),
             np.array(normals).reshape(-1, 3),
             tuple(links),
+            squeeze,
+            within,
         )
 
 

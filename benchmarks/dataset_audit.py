@@ -2,6 +2,7 @@
 
     python -m benchmarks.dataset_audit bundled [--allegro HAND.urdf] [--count 1000]
     python -m benchmarks.dataset_audit published --bench ../DexGraspBench [--count 200] [--hand right_hand.xml]
+    python -m benchmarks.dataset_audit paths --bench ../DexGraspBench         # of what was audited: loads on paths
     python -m benchmarks.dataset_audit friction --files dataset/*.npy --hand right_hand.xml --objects meshdata
     python -m benchmarks.dataset_audit summary                                # counts and areas anew from what is there
     python -m benchmarks.dataset_audit tables                                 # those of docs/dataset-audit.md
@@ -62,6 +63,7 @@ from handfast.readers.load_hand import load_hand
 from handfast.simulation.result import Ending
 from handfast.simulation.simulate import simulate
 from handfast.stability.answers import check
+from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import max_many
 
@@ -69,6 +71,7 @@ RESULTS = Path(__file__).parent / "results" / "dataset_audit.json"
 FRICTIONS = (0.3, 0.6, 1.0, 3.0, 10.0)  # Dexonomy's hard test, DexGraspBench, GraspQP, DexGraspNet, GenDexGrasp
 LIMIT = Settings(nodes=6000, timeout=12.0, gap=1e-2, verify=False)
 BRIEF = Settings(nodes=1000, timeout=4.0, verify=False)  # for frictions other than the grasp's own
+ON_PATH = Settings(timeout=8.0, gap=1e-2, verify=False)
 STEP = 5  # grasps between two times of writing
 FAST = 4.0  # [s of the twin] over which the load of a simulation grows
 SIDES = np.repeat(np.eye(3), 2, axis=0) * np.tile([-1.0, 1.0], 3)[:, None]  # −x, +x, −y, ...
@@ -97,6 +100,18 @@ def held(grasp: Grasp, loads: Array, settings: Settings = LIMIT) -> str:
         unsure |= said is not Verdict.HOLDS
         if unsure and settings is BRIEF:
             break
+    return "undecided" if unsure else "holds"
+
+
+def held_on_path(grasp: Grasp, loads: Array) -> str:
+    """The same with the load after the commands; "no squeeze" where the commands alone have no state."""
+    unsure = False
+    for load in loads:
+        answer = check(grasp, load, loading="preload-first", settings=ON_PATH)
+        if answer.verdict is Verdict.SLIPS:
+            assert isinstance(answer.path, LoadPath)
+            return "no squeeze" if answer.path.reached is None else "slips"
+        unsure |= answer.verdict is not Verdict.HOLDS
     return "undecided" if unsure else "holds"
 
 
@@ -198,16 +213,13 @@ class PublishedSet:
         self.kept: dict[tuple[str, float], Body] = {}
 
     def audit(self, file: Path) -> dict[str, Any]:
-        data = recorded(file)
-        thing, scale = self.bench / str(data["obj_path"]), float(data["obj_scale"])
-        pieces = sorted((thing / "urdf" / "meshes").glob("*.obj"))
-        stages = tuple(np.asarray(data[k], dtype=float) for k in ("pregrasp_qpos", "grasp_qpos", "squeeze_qpos"))
+        thing, scale, pieces, stages, pose = self.stages(file)
         there: dict[str, bool] = {}
         sides: list[bool] = []
         settled: Settled | None = None
         for mu in (0.3, 0.6, 3.0):
             run = GraspBench(self.model, pieces, scale, (mu, FRICTION[1] * mu / FRICTION[0]))
-            outcome = run.run(stages, np.asarray(data["obj_pose"], dtype=float))  # type: ignore[arg-type]
+            outcome = run.run(stages, pose)
             there[f"{mu:g}"] = outcome.passes
             if mu == FRICTION[0]:
                 settled, sides = outcome.settled, list(outcome.held)
@@ -221,6 +233,27 @@ class PublishedSet:
         each = [str(verdict(locked, load)) for load in loads]
         found |= {"tendons free": tendons, "without laws": without_laws(locked, loads), "sides here": each}
         return found | asked(locked, loads, largest(locked, loads))
+
+    def stages(self, file: Path) -> tuple[Path, float, list[Path], tuple[Array, Array, Array], Array]:
+        """Folder, scale and pieces of the object, the hand's three stages, and the object's pose."""
+        data = recorded(file)
+        thing, scale = self.bench / str(data["obj_path"]), float(data["obj_scale"])
+        first, second, last = (
+            np.asarray(data[k], dtype=float) for k in ("pregrasp_qpos", "grasp_qpos", "squeeze_qpos")
+        )
+        pieces = sorted((thing / "urdf" / "meshes").glob("*.obj"))
+        return thing, scale, pieces, (first, second, last), np.asarray(data["obj_pose"], dtype=float)
+
+    def paths(self, file: Path) -> dict[str, Any]:
+        """First the squeeze, then the load: verdicts on paths, without and with the test's torsional friction."""
+        thing, scale, pieces, stages, pose = self.stages(file)
+        settled = GraspBench(self.model, pieces, scale, FRICTION).squeezed(stages, pose)
+        assert settled is not None
+        grasp = self.grasp(settled, self.body(str(thing), scale), self.second)
+        soft, loads = grasp.with_torsion(FRICTION[1]), np.array([self.push(settled, side) for side in SIDES])
+        found: dict[str, Any] = {"squeeze": short(settled.squeeze), "within": settled.within}
+        found["torsional, preload alone"] = held(soft, np.zeros((1, 6)))
+        return found | {"path": held_on_path(grasp, loads), "torsional, path": held_on_path(soft, loads)}
 
     def body(self, thing: str, scale: float) -> Body:
         if (thing, scale) not in self.kept:
@@ -304,7 +337,7 @@ def spread(items: list[Any], count: int) -> list[Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("bundled", "published", "friction", "summary", "tables"))
+    parser.add_argument("what", choices=("bundled", "published", "paths", "friction", "summary", "tables"))
     parser.add_argument("--allegro", default="", help="URDF of the vendor, for the bundled grasps of that hand")
     parser.add_argument("--bench", type=Path, help="a clone of DexGraspBench, with grasps and objects")
     parser.add_argument("--hand", type=Path, help="its hand's model, if the clone lacks the meshes")
@@ -324,6 +357,14 @@ def main() -> None:
         files = spread(there.files, args.count)
         collect("DexGraspBench", [(str(f.relative_to(args.bench / GRASPS)), f) for f in files], there.audit)
     data = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    if args.what == "paths":
+        if not args.bench:
+            parser.error("give --bench FOLDER")
+        there = PublishedSet(args.bench, args.hand)
+        rows = [r for r in data["DexGraspBench"]["rows"] if "measures" in r and "paths" not in r]
+        for row in rows[: args.count]:
+            row["paths"] = there.paths(args.bench / GRASPS / row["name"])
+            save(data)
     if args.what == "friction":
         if not (args.files and args.hand):
             parser.error("give --files and --hand")

@@ -1,12 +1,14 @@
 """First the squeeze, then the load: do answers along a path agree with a dynamics engine better than the paper's?
 
-    python -m benchmarks.load_path [--hands FOLDER] [--shared ../shared] [--seconds 3600]
+    python -m benchmarks.load_path [--hands FOLDER] [--shared ../shared] [--seconds 3600] [--simulate]
 
 Asks the questions of `benchmarks.simulation_agreement` again, at the same loads, with `loading="preload-first"`, and
 holds the answers against the engine's stored outcomes with the commands first: all that have a bounded maximum, in one
 shuffled order, so that what is asked is a fair sample wherever it ends. Questions of hands that are not in the
 repository are left out unless the folders have them. Also the processor time of each path beside that of a check.
-Writes results/load_path.json as it goes on, and goes on where it was stopped.
+With `--simulate` those that were asked are simulated again, with commands that grow slowly: the stored ones act at once
+and squeeze with a jolt; those that are not fragile first. Writes results/load_path.json as it goes on, and goes on
+where it was stopped.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from benchmarks.machine import describe
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
+from handfast.simulation.simulate import simulate
 from handfast.stability.answers import check
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.answers.load_path import LoadPath
@@ -35,6 +38,7 @@ from handfast.stability.problem.settings import Loading, Settings
 RESULTS = Path(__file__).parent / "results" / "load_path.json"
 LIMIT = Settings(timeout=20.0)
 FIRST: Loading = "preload-first"
+CLOSING = 4.0  # [s of the twin] over which commands grow with --simulate
 
 
 def rows_of(question: dict[str, Any]) -> list[dict[str, Any]]:
@@ -70,9 +74,15 @@ def order(stored: dict[str, dict[str, Any]]) -> list[str]:
     return [names[k] for k in np.random.default_rng(30).permutation(len(names))]
 
 
-def counted(rows: list[dict[str, Any]], said: str) -> dict[str, Any]:
-    """How answers fare beside the engine; said: "paper" or "said"."""
-    counts = Counter(study.outcome({"ending": r["ending"], "said": r[said]}) for r in rows)
+def simulated(grasp: Grasp, most: Array, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows with how simulations end whose commands grow slowly."""
+    options: dict[str, Any] = {"loading": FIRST, "ramp": study.RAMP, "closing": CLOSING}
+    return [row | {"slowly": str(simulate(grasp, row["share"] * most, **options).ending)} for row in rows]
+
+
+def counted(rows: list[dict[str, Any]], said: str, ending: str = "ending") -> dict[str, Any]:
+    """How answers fare beside the engine; said: "paper" or "said", ending: or "slowly"."""
+    counts = Counter(study.outcome({"ending": r[ending], "said": r[said]}) for r in rows)
     return {"agreement": round(counts["agree"] / max(len(rows), 1), 4)} | dict(sorted(counts.items()))
 
 
@@ -87,6 +97,11 @@ def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
         rows = [row for q in chosen for row in q["rows"]]
         out[name] = {"questions": len(chosen), "loads": len(rows)}
         out[name] |= {"together": counted(rows, "paper"), "path": counted(rows, "said")}
+        some = [row for row in rows if "slowly" in row]
+        if some:
+            counts = {"together": counted(some, "paper", "slowly"), "path": counted(some, "said", "slowly")}
+            at_once = {"together": counted(some, "paper"), "path": counted(some, "said")}
+            out[name]["simulated again"] = {"loads": len(some), "at once": at_once, "slowly": counts}
     rows = [row for q in asked.values() for row in q["rows"]]
     if rows:
         times = np.array([[row["seconds"], row["seconds together"]] for row in rows])
@@ -108,14 +123,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_folders(parser)
     parser.add_argument("--seconds", type=float, default=3600.0, help="stop after the question at which this is over")
+    parser.add_argument(
+        "--simulate", action="store_true", help="simulate again what was asked, commands growing slowly"
+    )
     parser.add_argument("--results", type=Path, default=RESULTS)
     args = parser.parse_args()
     begun = time.monotonic()
     data = json.loads(args.results.read_text()) if args.results.exists() else {"questions": {}}
+    asked = data["questions"]
     stored = json.loads(study.RESULTS.read_text())["questions"]
     known = {q.name: q for q in questions(ClosedHands(args.hands, args.shared)) if not q.missing}
-    for name in order(stored):
-        if name in data["questions"] or name not in known:
+    names = order(stored)
+    if args.simulate:
+        names = sorted((n for n in names if n in asked), key=lambda n: asked[n]["fragile"])
+    for name in names:
+        if name not in known or (("slowly" in asked[name]["rows"][0]) if args.simulate else name in asked):
             continue
         if time.monotonic() - begun > args.seconds:
             break
@@ -123,12 +145,15 @@ def main() -> None:
             grasp, direction = known[name].made()
         except InputError:
             continue
-        rows = answered(grasp, stored[name]["maximum"] * direction, stored[name])
-        about = {"family": stored[name]["family"], "fragile": bool(stored[name]["fragile"])}
-        data["questions"][name] = about | {"rows": rows}
-        data |= {"machine": describe(), "summary": summary(data["questions"])}
+        most = stored[name]["maximum"] * direction
+        if args.simulate:
+            asked[name]["rows"] = simulated(grasp, most, asked[name]["rows"])
+        else:
+            about = {"family": stored[name]["family"], "fragile": bool(stored[name]["fragile"])}
+            asked[name] = about | {"rows": answered(grasp, most, stored[name])}
+        data |= {"machine": describe(), "summary": summary(asked)}
         study.save(data, args.results)
-    print(json.dumps(summary(data["questions"]), indent=1), flush=True)
+    print(json.dumps(summary(asked), indent=1), flush=True)
 
 
 if __name__ == "__main__":
