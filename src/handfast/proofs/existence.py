@@ -68,21 +68,29 @@ class Proved:
         return self.magnitude is None or self.magnitude[0] >= least
 
 
-def prove(p: Problem, x: State, until: float = np.inf, least: float = -np.inf, within: float = np.inf) -> Proved:
+def prove(
+    p: Problem,
+    x: State,
+    until: float = np.inf,
+    least: float = -np.inf,
+    within: float = np.inf,
+    tries: int = TRIES,
+) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
 
     until: [s] of `time.monotonic`, after which no further modes are tried: nothing is shown then.
     least: the magnitude that has to be reached; a state with a smaller one is shown only where nothing else is.
     within: [N] the `radius` asked for. Where motions are not determined an exact state may be farther from x; it is
         shown only where x itself misses too much.
+    tries: modes that are tried, the likeliest first.
     """
     if not p.scale >= LEAST:
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
-        done = _attempts(p, x, until, free=free)
+        done = _attempts(p, x, until, tries, free=free)
         if free and not (done.exact and done.reaches(least)):
-            fixed = _attempts(p, x, until)
+            fixed = _attempts(p, x, until, tries)
             done = fixed if fixed.exact else done
     if (done.exact and done.reaches(least) and done.radius <= within) or not p.granted > 0:
         return done
@@ -126,6 +134,7 @@ def polished(p: Problem, x: State) -> tuple[Problem, State]:
 def nearby(p: Problem, x: State, gap: float, until: float = np.inf) -> tuple[Problem, State]:
     """The problem and state nearest to x, with the magnitude at most a tenth of the gap lower, that is proved to exist.
 
+    x: that `prove` does not show.
     gap: how far above the magnitude the other bound is. As they are where none is proved, until [s] of
     `time.monotonic`.
     """
@@ -136,19 +145,21 @@ def nearby(p: Problem, x: State, gap: float, until: float = np.inf) -> tuple[Pro
             if time.monotonic() > until:
                 return p, x
             solved, better = polished(tried, x)
+            if better is x and share == 0:
+                continue  # as it was asked before
             found = solved if tried is less else less
             if found.magnitude >= p.magnitude - gap / 10 and prove(found, better, until).exact:
                 return found, better
     return p, x
 
 
-def _attempts(p: Problem, x: State, until: float, free: bool = False) -> Proved:
+def _attempts(p: Problem, x: State, until: float, most: int, free: bool = False) -> Proved:
     """Modes that x may have, the likeliest first."""
     options = choices(p, x)
     names, reason, residual = list(options), "", np.inf
     queue, known = [(0, 0, (0,) * len(options))], {(0,) * len(options)}
     tries = 0
-    while queue and tries < TRIES and len(known) < 8 * TRIES and not (reason and time.monotonic() > until):
+    while queue and tries < most and len(known) < 8 * most and not (reason and time.monotonic() > until):
         cost, _, chosen = heapq.heappop(queue)
         modes = modes_of(p.grasp, {name: options[name][k] for name, k in zip(names, chosen, strict=True)})
         try:

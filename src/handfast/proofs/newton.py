@@ -12,18 +12,18 @@ them is shown with rational numbers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from flint import fmpq, fmpq_mat
+from flint import fmpq, fmpq_mat, fmpz_mat, nmod_mat
 
 from handfast.proofs.fields import Array, Integers, exact
 from handfast.proofs.states import ULP, Contact, Laws, Modes, Numbers, Part, Problem, Rows, State
 
 ROUNDS = 5  # for a box
 BITS = 320  # of balls, see `balls`
+PRIME = 2**61 - 1  # for ranks
 DEPENDENT = 1e-9  # relative: rows whose distance from those before is less than this may depend on them
 
 
@@ -217,9 +217,9 @@ class System:
         order = sorted(range(len(every)), key=lambda i: every[i] is not None)  # what is not linear first
         chosen = greedy(scaled[order] / np.maximum(np.linalg.norm(scaled[order], axis=1, keepdims=True), 1e-300))
         used = np.sort(np.array(order, dtype=np.int64)[chosen])
-        dropped = [every[i] for i in np.setdiff1d(np.arange(len(every)), used)]
-        basis = [row for row in (every[i] for i in used) if row is not None]
-        if not dropped or any(row is None for row in dropped) or rank_of(basis) < rank_of(basis + dropped):
+        others = np.setdiff1d(np.arange(len(every)), used)
+        basis, dropped = ([row for i in some if (row := every[i]) is not None] for some in (used, others))
+        if not dropped or len(dropped) < len(others) or not spans(basis, dropped):
             return self
         parts = {name: getattr(self, name)[used] for name in ("value", "value_off", "A", "A_size", "units")}
         return replace(self, **parts, used=used)
@@ -350,7 +350,8 @@ def _independent(p: Problem, held: Integers, rows: Rows) -> Integers | None:
         return held
     chosen = greedy(H)
     whole = [[*p.grasp.exact_rows[k], fmpq(rows.exact[k])] for k in held.tolist()]
-    return held[chosen] if rank_of(whole) == len(chosen) else None
+    basis, others = [whole[k] for k in chosen], [whole[k] for k in np.setdiff1d(np.arange(len(whole)), chosen)]
+    return held[chosen] if spans(basis, others) else None
 
 
 def greedy(rows: Array) -> Integers:
@@ -365,6 +366,15 @@ def greedy(rows: Array) -> Integers:
     return np.array(chosen, dtype=np.int64)
 
 
-def rank_of(rows: Sequence[Sequence[fmpq] | None]) -> int:
-    """Of rows of rational numbers, exactly."""
-    return int(fmpq_mat([row for row in rows if row is not None]).numer_denom()[0].rank()) if rows else 0
+def spans(basis: list[list[fmpq]], others: list[list[fmpq]]) -> bool:
+    """Are the others sums of the basis' rows, exactly? Ranks modulo a prime, never above ranks, spare most of it."""
+    every, own = _integers(basis + others), _integers(basis)
+    if nmod_mat(every, PRIME).rank() > len(basis):
+        return False
+    full = nmod_mat(own, PRIME).rank() == len(basis)
+    return bool(every.rank() == (len(basis) if full else own.rank()))
+
+
+def _integers(rows: list[list[fmpq]]) -> fmpz_mat:
+    """Rows of rational numbers times a common denominator."""
+    return fmpq_mat(rows).numer_denom()[0]

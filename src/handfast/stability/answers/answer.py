@@ -20,7 +20,7 @@ from handfast.core.files import write_text
 from handfast.core.presented import Presented
 from handfast.proofs import answers, path_steps
 from handfast.proofs.certificate import Certificate, proof_to_dict
-from handfast.proofs.existence import Proved, prove
+from handfast.proofs.existence import TRIES, Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
@@ -96,15 +96,21 @@ class Answer(Presented, ABC):
             return None if self.found is None else (self.found, None)
         if self.path is not None:  # its last state, as it stands in the chain
             return self.found, self._of_found
+        least = self._least
+        known = self._of_found if least is self.found else self._proved(least)
+        as_good = known.exact or (known.tolerant and not self._of_found.exact)
+        return (least, known) if as_good and self._reaches(known) else (self.found, self._of_found)
+
+    @cached_property
+    def _least(self) -> Witness:
+        """The state of least motion that is found from the one of the search."""
         from handfast.stability.search.least_motion import (
             least_motion,  # needs the engine, and only what is shown needs it
         )
 
-        p = self.posed.problem
-        least = least_motion(self.found, p.limits)
-        known = self._of_found if least is self.found else self._proved(least)
-        as_good = known.exact or (known.tolerant and not self._of_found.exact)
-        return (least, known) if as_good and self._reaches(known) else (self.found, self._of_found)
+        assert self.found is not None
+        assert self.posed is not None
+        return least_motion(self.found, self.posed.problem.limits)
 
     @cached_property
     def _of_found(self) -> Proved | None:
@@ -125,11 +131,11 @@ class Answer(Presented, ABC):
         """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
 
-    def _proved(self, w: Witness, until: float = np.inf, least: float = -np.inf) -> Proved:
-        """What is proved of a state, until [s] of `time.monotonic`; least: see `prove`."""
+    def _proved(self, w: Witness, until: float = np.inf, least: float = -np.inf, tries: int = TRIES) -> Proved:
+        """What is proved of a state, until [s] of `time.monotonic`; least, tries: see `prove`."""
         assert self.posed is not None
         p, x = self._problem(w), stated(w.state)
-        return prove(p, x, until, least, self._within(p, x))
+        return prove(p, x, until, least, self._within(p, x), tries)
 
     def _within(self, p: Problem, x: StateData) -> float:
         """[N] how near to a state x what is proved is to be, if it can be; of a path as near as each of its steps."""
@@ -169,9 +175,20 @@ class Answer(Presented, ABC):
         return replace(out, verdict=Verdict.UNDECIDED, stop=stop, found=None)
 
     def _proved_until(self, until: float) -> Self:
-        """Itself, with what is proved of the state that was found, as far as there is time for it."""
-        if self.found is not None and self.posed is not None:
-            self.__dict__.setdefault("_of_found", self._proved(self.found, until))  # kept as `cached_property` does
+        """Itself, with what is proved of the state that was found, as far as there is time for it.
+
+        Of the state that moves least instead, where that one is proved in its likeliest modes and the other is not.
+        """
+        if self.found is None or self.posed is None or "_of_found" in self.__dict__:
+            return self
+        known = self._proved(self.found, until, tries=1)
+        if not known.exact and self._may_move_less:
+            least = self._proved(self._least, until, tries=1)
+            if least.exact and self._reaches(least):
+                out = replace(self, found=self._least)
+                out.__dict__.update(_of_found=least, _shown=(self._least, least))  # kept as `cached_property` does
+                return out
+        self.__dict__["_of_found"] = known if known.exact else self._proved(self.found, until)
         return self
 
     def _too_small(self, cap: float, shown: Witness | None) -> bool:
@@ -189,6 +206,11 @@ class Answer(Presented, ABC):
         """Is a witness proved to be one, exactly or to 1e-9 of the load?"""
         known = self._of_found
         return known is not None and (known.exact or known.tolerant)
+
+    @property
+    def _may_move_less(self) -> bool:
+        """May a state that moves less stand for the one that was found?"""
+        return self.path is None
 
     @property
     def _along(self) -> Array | None:

@@ -55,6 +55,10 @@ class StepAnswer(Answer):
         known = self._of_found
         return known is not None and super().certain and self._reaches(known)
 
+    @property
+    def _may_move_less(self) -> bool:
+        return False  # of the choices among states the path makes its own
+
     def _within(self, p: Problem, x: StateData) -> float:
         return path_steps.near_enough(p, x)
 

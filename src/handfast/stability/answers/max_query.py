@@ -15,7 +15,7 @@ from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
-from handfast.proofs.existence import Proved, nearby
+from handfast.proofs.existence import TRIES, Proved, nearby
 from handfast.proofs.newton import NotShown, System
 from handfast.proofs.states import Modes, Problem
 from handfast.proofs.states import State as StateData
@@ -107,10 +107,13 @@ class MaxAnswer(Answer):
         if known is None or w is None or known.exact or self.posed is None or self._along is None:
             return self
         room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
-        lower = self._proved(w, until, -INF)
+        lower = known if known.reason else self._proved(w, until, -INF)  # without one, a smaller one exists exactly
         if lower.exact and lower.magnitude is not None and lower.magnitude[0] >= max(self.lower - room / 10, 0.0):
             return replace(self, lower=lower.magnitude[0])
-        p, x = nearby(self._problem(w), stated(w.state), room, until)
+        before = stated(w.state)
+        p, x = nearby(self._problem(w), before, room, until)
+        if x is before:
+            return self
         at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
         shown = self._proved(at, until, -INF)
         if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
@@ -121,8 +124,8 @@ class MaxAnswer(Answer):
         better = replace(self, found=at)
         return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)))
 
-    def _proved(self, w: Witness, until: float = INF, least: float | None = None) -> Proved:
-        return super()._proved(w, until, self.lower if least is None else least)
+    def _proved(self, w: Witness, until: float = INF, least: float | None = None, tries: int = TRIES) -> Proved:
+        return super()._proved(w, until, self.lower if least is None else least, tries)
 
     def _reaches(self, proved: Proved) -> bool:
         return proved.reaches(self.lower)
