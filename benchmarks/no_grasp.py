@@ -1,6 +1,6 @@
 """No contact forces balance the loads: what is shown, how near to the edge, and that nothing possible is lost.
 
-    python -m benchmarks.no_grasp [--part two|edges|held|surface] [--boxes 400] [--tasks 2000] [--print]
+    python -m benchmarks.no_grasp [--part NAME] [--boxes 400] [--tasks 2000] [--print]
 
 - *two*: the bundled tasks of two contacts under weights from six sides: boxes, processor time of search and replay, the
   least distance of the centre of mass from the line through both contacts, proved and met.
@@ -11,10 +11,12 @@
 - *held*: tasks cut around contacts that hold: flat and curved regions of 2 mm about contacts of bundled grasps and of
   random ones, loads that forces in the friction cones balance, some on the edge of a cone, half of them with a limit
   of normal forces that one of them reaches. None may be refuted, and no box about the contacts.
-- *surface*: the least friction of two contacts anywhere on an object whose centre of mass is off its middle, and the
-  processor time; and contacts on random solids that hold by construction, for which so many may never be refuted.
+- *joined*: tasks of three and four contacts made impossible by limits on commands, or by a block in the way: what
+  `grasp` answers within `--seconds`, and which reason shows it.
+- *least_friction*: of two contacts anywhere on an object whose centre of mass is off its middle, and the processor
+  time; *surface_held*: contacts on random solids that hold by construction, for which so many may never be refuted.
 
-Writes benchmarks/results/no_grasp.json after every part and prints Markdown tables.
+Writes benchmarks/results/no_grasp.json after every row and prints Markdown tables.
 """
 
 from __future__ import annotations
@@ -37,10 +39,12 @@ from handfast.model.body import Body
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
 from handfast.planning.filters.balance import held_by_contacts
+from handfast.planning.grasp_for import grasp_for
 from handfast.planning.no_balance import NO_MOTION, NoBalance
+from handfast.planning.question import PlanLimits
 from handfast.proofs.fields import Fields
 from handfast.proofs.tasks import read_task
-from handfast.proofs.unbalanced import replay_unbalanced
+from handfast.proofs.unbalanced import Placements, replay_unbalanced
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair
 
@@ -66,9 +70,8 @@ def searched(task: Task, loads: Loads, friction: float, boxes: int, center: Arra
     return search
 
 
-def two(options: argparse.Namespace) -> list[dict[str, Any]]:
+def two(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The bundled tasks of two contacts."""
-    rows = []
     for name in TWO:
         task = load_task(name)
         body = load_body(str(task.object))
@@ -84,11 +87,10 @@ def two(options: argparse.Namespace) -> list[dict[str, Any]]:
         at = low + (high - low) * np.random.default_rng(0).random((20_000, len(low)))
         a, b = (search.placements.at(at)[0] - body.center_of_mass).swapaxes(0, 1)
         met = np.linalg.norm(np.cross(a, b), axis=1) / np.linalg.norm(b - a, axis=1)
-        rows.append(
+        yield (
             {"task": name, "shown": search.shown, "boxes": search.boxes, "search": took, "proved": done.ok}
             | {"replay": time.process_time() - begin, "line_distance": search.line_distance, "met": float(met.min())}
         )
-    return rows
 
 
 # --- edges --------------------------------------------------------------------------------------------
@@ -124,6 +126,43 @@ def edge(name: str, make: Callable[[float], NoBalance], ends: tuple[float, float
         else:
             balances = x
     return {"task": name, "ends": ends, "shown": shown, "balanced": balances, "boxes": boxes}
+
+
+# --- by what the hand and its surroundings do -----------------------------------------------------------
+
+COMMANDS = (1e-4, 1e-3, 1e-2, 1e-1)  # [N m] largest command of any motor
+BLOCKS = (0.05, 0.02, 0.01, 0.005)  # [m] half the edges of a cube about the first contact's region
+
+
+def joined(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Tasks of three and four contacts made impossible by commands, and by a block where a contact is to be: what
+    `grasp` answers, whatever shows it.
+    """
+    for name in ("scalpel-incision", "teapot-service", "guitar-playing", "guitar-holding"):
+        task = load_task(name)
+        body = load_body(str(task.object))
+        for limit in COMMANDS:
+            how = {"limits": PlanLimits(command_limit=limit)}
+            yield asked(f"{name}: commands up to {limit:g}", task, body, options.seconds, **how)
+        pair = task.contact_pairs[0]
+        regions = read_task(task_to_dict(task)).on_object
+        middle = Placements.of(regions[:1], np.zeros((1, 6)), 0.5).at(np.full((1, 2), 0.5))[0][0, 0]
+        for half in BLOCKS:
+            pose = np.eye(4)
+            pose[:3, 3] = middle
+            block = Shape("box", [2 * half] * 3, pose)
+            there = replace(body, pieces=(*body.pieces, block))
+            yield asked(
+                f"{name}: block of {2e3 * half:g} mm about the {pair.link}'s region", task, there, options.seconds
+            )
+
+
+def asked(name: str, task: Task, body: Body, seconds: float, **how: Any) -> dict[str, Any]:
+    """What `grasp` answers in a time."""
+    found = grasp_for(task, body, timeout=seconds, jobs=1, **how)
+    none = found.proof_of_none
+    by = "" if str(found.verdict) != "none" else ", ".join(none) if none else "no configuration"
+    return {"task": name, "verdict": str(found.verdict), "by": by, "seconds": found.seconds}
 
 
 def edges(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
@@ -319,18 +358,16 @@ def held_part(first: int, tasks: int, options: argparse.Namespace) -> dict[str, 
 OFF = np.array([0.05, 0.07, 0.03])  # of the size of an object, how far its centre of mass is moved
 
 
-def surface(options: argparse.Namespace) -> dict[str, Any]:
+def surface(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """Of bundled objects, and of random solids."""
-    rows = []
     for name in bundled.names("objects"):
         body = load_body(name)
         moved = np.asarray(body.center_of_mass) + OFF * np.ptp(body.vertices, axis=0)
-        rows.append(least_friction(name, replace(body, center_of_mass=moved, mass=body.mass or 1.0)))
+        yield least_friction(name, replace(body, center_of_mass=moved, mass=body.mass or 1.0))
     for seed in range(20):
         solid = stone(np.random.default_rng([13, seed]))
         body = Body.of([solid], mass=1.0, center_of_mass=solid.centroid + 0.1 * OFF)
-        rows.append(least_friction(f"stone {seed}", body))
-    return {"least_friction": rows, "held": surface_held(options.tasks)}
+        yield least_friction(f"stone {seed}", body)
 
 
 def least_friction(name: str, body: Body) -> dict[str, Any]:
@@ -349,9 +386,9 @@ def stone(rng: np.random.Generator) -> Shape:
     return Shape.hull(rng.normal(size=(rng.integers(5, 31), 3)) * [0.05, 0.03, 0.02])
 
 
-def surface_held(tasks: int) -> dict[str, int]:
+def surface_held(options: argparse.Namespace) -> dict[str, int]:
     """How often contacts that hold are refuted: two on a line through the centre of mass; more with limited forces."""
-    rng, wrong = np.random.default_rng(17), {"pairs": 0, "limited": 0, "refuted": 0}
+    tasks, rng, wrong = options.tasks, np.random.default_rng(17), {"pairs": 0, "limited": 0, "refuted": 0}
     while wrong["pairs"] + wrong["limited"] < tasks:
         solid = stone(rng)
         vertices, faces = solid.triangles()
@@ -399,36 +436,47 @@ def show(results: dict[str, Any]) -> None:
                 print(f"| {r['task']} | {first} at the first end | {last} at the last | |")
             else:
                 print(f"| {r['task']} | {r['shown']:.4g} | {r['balanced']:.4g} | {r['boxes']} |")
-    if "surface" in results:
+    if "joined" in results:
+        print("\n| task | verdict | shown by | seconds |\n|---|---|---|---|")
+        for r in results["joined"]:
+            print(f"| {r['task']} | {r['verdict'].upper()} | {r['by']} | {r['seconds']:.0f} |")
+    if "least_friction" in results:
         print("\n| object | solids | two contacts: none up to a friction of | seconds |\n|---|---|---|---|")
-        for r in results["surface"]["least_friction"]:
+        for r in results["least_friction"]:
             print(f"| {r['object']} | {r['solids']} | {r['shown']:.3g} | {r['seconds']:.2f} |")
-        print("\n" + ", ".join(f"{key} {value}" for key, value in results["surface"]["held"].items()))
-    if "held" in results:
-        print("\n" + ", ".join(f"{key} {value}" for key, value in results["held"].items()))
+    for name in ("held", "surface_held"):
+        if name in results:
+            print(f"\n{name}: " + ", ".join(f"{key} {value}" for key, value in results[name].items()))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--part", choices=("two", "edges", "held", "surface"))
+    parser.add_argument("--part", choices=("two", "edges", "joined", "least_friction", "held", "surface_held"))
     parser.add_argument("--boxes", type=int, default=400)
     parser.add_argument(
         "--only", choices=("friction", "limit", "loads", "moved", "center", "wedge"), help="of the edges"
     )
+    parser.add_argument("--seconds", type=float, default=60.0, help="of each of the joined")
     parser.add_argument("--tasks", type=int, default=2000)
     parser.add_argument("--held-boxes", type=int, default=64)
     parser.add_argument("--print", action="store_true", dest="only_print")
     options = parser.parse_args()
     results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    parts = {"two": two, "edges": lambda o: list(edges(o)), "held": held, "surface": surface}
-    for name, part in parts.items():
-        if not options.only_print and options.part in (None, name):
-            results |= {
-                name: part(options),
-                "machine": describe(),
-                "asked": {"boxes": options.boxes, "held_boxes": options.held_boxes},
-            }
+    rows = {"two": two, "edges": edges, "joined": joined, "least_friction": surface}
+    counts = {"held": held, "surface_held": surface_held}
+    for name in () if options.only_print else (*rows, *counts):
+        if options.part not in (None, name):
+            continue
+        results |= {"machine": describe(), "asked": {"boxes": options.boxes, "held_boxes": options.held_boxes}}
+        for row in (
+            rows[name](options) if name in rows else ()
+        ):  # each is written when it is there, in place of an old one
+            known = {next(iter(r.values())): r for r in results.get(name, [])} | {next(iter(row.values())): row}
+            results[name] = list(known.values())
             RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
+        if name in counts:
+            results[name] = counts[name](options)
+        RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
     show(results)
 
 
