@@ -1,6 +1,6 @@
 """The largest multiple of the loads that `grasp --best margin` finds, beside the bound that no placement reaches.
 
-    python -m benchmarks.best_margin [--part found|bound] [--seconds 50] [--boxes 3000] [--print]
+    python -m benchmarks.best_margin [--part found|bound] [--task NAME] [--seconds 40] [--boxes 1500] [--print]
 
 The bundled tasks of three and four contacts, friction 0.5, the object's weight from six sides and downwards alone,
 normal forces up to `LIMIT` times the weight at each contact. No factor of safety.
@@ -80,15 +80,16 @@ def show(rows: dict[str, Any]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=("found", "bound"))
-    parser.add_argument("--seconds", type=float, default=50.0)
-    parser.add_argument("--boxes", type=int, default=3000)
+    parser.add_argument("--task", choices=MORE)
+    parser.add_argument("--seconds", type=float, default=40.0)
+    parser.add_argument("--boxes", type=int, default=1500)
     parser.add_argument("--print", action="store_true", dest="only_print")
     options = parser.parse_args()
     results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {"rows": {}}
     for part, ask in (("found", found), ("bound", bound)):
         if options.only_print or options.part not in (None, part):
             continue
-        for name in MORE:
+        for name in [options.task] if options.task else MORE:
             for way in WAYS:
                 key = f"{name}, {len(load_task(name).contact_pairs)}, {way}"
                 made = ask(name, way, options)

@@ -213,6 +213,7 @@ def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
     distance = searched.line_distance
     if not distance:
         limit = "" if asked.force_limit is None else f", normal forces up to {num(asked.force_limit)} N"
+        limit += ", torques within their limits" if asked.torque_limits else ""
         if few := (searched.proof or {}).get("fewest_contacts"):
             return f"It takes {few} contacts or more to balance the loads with a friction of {num(asked.friction)}"
         return f"No contact forces balance the loads with a friction of {num(asked.friction)}{limit}"

@@ -33,8 +33,12 @@ from handfast.planning.load_bound import LoadBound
 from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import Requirements, TaskGraspOptions, fingerprint, link_pairs, refuse_another
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
+from handfast.planning.results.grasps_file import motors_to_dict
 from handfast.planning.results.search_file import REASONS, FoundEntry, SavedSearch
 from handfast.planning.search import Gathering, Journal, UnitResult
+from handfast.proofs.contact_force_limits import Motors, contact_force_limits
+from handfast.proofs.fields import Fields
+from handfast.proofs.tasks import read_task
 from handfast.readers.load_body import load_body
 from handfast.stability.problem.loads import Loads
 from handfast.stability.studies.hold import HoldAnswer
@@ -100,9 +104,18 @@ def grasp_for(
     problem = TaskProblem.of(task)
     collisions = Collisions(scene, cutoff=NEAR, at_rest=rest_overlaps(scene, at_zero=True))
     evaluator = Evaluator(problem, collisions, loads, friction, o.allowed)
-    work = LocalSearch(evaluator, o.seed, Requirements.of(o.limits, friction, names), best=o.best)
+    asked = Requirements.of(o.limits, friction, names)
+    work = LocalSearch(evaluator, o.seed, asked, best=o.best, force_limits=force_limits_of(task, asked))
     search = _TaskSearch(work, body, o.count, journal or Journal())
     return search.run(o.timeout, jobs, scheduler)
+
+
+def force_limits_of(task: Task, asked: Requirements) -> Array:
+    """(K,) [N] that no normal force at a contact exceeds, by the limits that are asked, wherever the hand is."""
+    read, commands = read_task(task_to_dict(task)), np.inf if asked.command_limit is None else asked.command_limit
+    motors = Motors.read(Fields(motors_to_dict(task.hand)), read, asked.torque_limits or {}, commands)
+    most = np.inf if asked.force_limit is None else asked.force_limit
+    return np.minimum(contact_force_limits(read, motors, asked.friction), most)
 
 
 def question_of(work: LocalSearch, body: Body) -> str:
@@ -238,7 +251,7 @@ class _TaskSearch:
 
     def bound_of_all(self, saved: Any = None) -> LoadBound | None:
         """The search for a bound on what any placement holds; None where a limit of the contact forces is missing."""
-        return self.of_placements(LoadBound, saved) if np.isfinite(self.work.force_limits).all() else None
+        return self.of_placements(LoadBound, saved) if np.isfinite(self.work.force_limits).any() else None
 
     def of_placements(self, kind: type[Searched], saved: Any) -> Searched:
         """A search over the placements of the contacts."""

@@ -77,7 +77,7 @@ class Leaf:
 class LoadBound(NoBalance):
     """The search; `run` goes on where it was left. Every leaf has a twist, and the factor from which on it is refuted.
 
-    Arguments and errors are those of `NoBalance`; every contact force has to be limited.
+    Arguments and errors are those of `NoBalance`; some contact force has to be limited.
 
     Attributes:
         reached: the largest factor at which forces alone balance every load at a placement that was met; by linear
@@ -86,10 +86,8 @@ class LoadBound(NoBalance):
 
     def __init__(self, *args: Any, saved: Any = None, **how: Any) -> None:
         super().__init__(*args, saved=saved, **how)
-        if not self.placements.limited.all():
-            raise InputError(
-                "is not there for every contact; without a limit forces hold any load", field="force_limit"
-            )
+        if not self.placements.limited.any():
+            raise InputError("is not there; without a limit forces hold any multiple of a load", field="force_limit")
         self.numbers, self.looked, self.random = itertools.count(), True, np.random.default_rng(self.seed)
         self.reached, self.at, self.length = 0.0, self.placements.root.mean(axis=1), LONGEST
         self.heap: list[tuple[float, int, Leaf]] = []

@@ -118,7 +118,7 @@ class Arms:
                     chain.append(steps.setdefault((framed, j), len(steps)))
             chains.append(chain)
         links, joints = np.array(list(steps)).T
-        frame, p = _frames(task, links)
+        frame, p = frames(task, links)
         depth = max(len(chain) for chain in chains)
         moved, S = joints >= 0, len(joints)
         axis, anchor, ref, column = np.zeros((S, 3)), np.zeros((S, 3)), np.zeros(S), np.zeros(S, dtype=np.int64)
@@ -128,7 +128,7 @@ class Arms:
             axis[moved], ref[moved], revolute[moved] = hand.axes[its], hand.ref[its], hand.revolute[its]
             column[moved] = [drive.joints.index(j) for j in its.tolist()]
             anchor[revolute] = hand.anchors[joints[revolute]]
-        direction = _unit_or_zero(axis)
+        direction = unit_or_zero(axis)
         turning, sliding = (Interval(direction.ends * some[:, None, None]) for some in (revolute, ~revolute))
         first = frame @ cross(turning[:, None, :], Interval.of(np.eye(3))).swapped()  # columns axis x e_i
         steps_of = np.array([c + [0] * (depth - len(c)) for c in chains], dtype=np.int64).reshape(len(chains), depth)
@@ -174,7 +174,7 @@ class Arms:
         return Dual(x[..., 0], local[:2]), Dual(x[..., 1], local[2:]), by_all
 
 
-def _frames(task: TaskData, links: Array) -> tuple[Interval, Interval]:
+def frames(task: TaskData, links: Array) -> tuple[Interval, Interval]:
     """(S, 3, 3) and (S, 3, 1) of the frames of links; at its place for a link that is -1."""
     hand = task.hand
     poses = np.where((links >= 0)[:, None, None], hand.poses[links], np.eye(4))
@@ -187,7 +187,7 @@ def _frames(task: TaskData, links: Array) -> tuple[Interval, Interval]:
     return Interval(np.where(upright, Interval.of(np.eye(3)).ends, R.ends)), Interval.of(poses[:, :3, 3:])
 
 
-def _unit_or_zero(a: Array) -> Interval:
+def unit_or_zero(a: Array) -> Interval:
     """(n, 3) unit vectors along the rows of a, 0 where they are 0."""
     zero = (a == 0).all(axis=1, keepdims=True)
     u = unit(Interval.of(np.where(zero, 1.0, a)))

@@ -19,6 +19,7 @@ import numpy as np
 from handfast.proofs import answers
 from handfast.proofs.configurations import check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
+from handfast.proofs.contact_force_limits import Motors, contact_force_limits
 from handfast.proofs.existence import prove
 from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
@@ -27,7 +28,7 @@ from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
 from handfast.proofs.synthesis import COURSE, NAMES
-from handfast.proofs.tasks import read_task
+from handfast.proofs.tasks import TaskData, read_task
 from handfast.proofs.unbalanced import replay_unbalanced
 
 SCHEMA = "handfast/grasps/1"
@@ -38,14 +39,15 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     """The claims of a parsed file. Raises `BadFile`."""
     f = Fields(data, place)
     f.text("schema", among=[SCHEMA])
-    task, motors, asked = read_task(f.take("task")), f.object("motors"), f.object("question")
-    names = [actuator.text("name") for actuator in motors.objects("actuators")]
+    task, driven, asked = read_task(f.take("task")), f.take("motors"), f.object("question")
+    names = [actuator.text("name") for actuator in Fields(driven, f.at("motors")).objects("actuators")]
     loads, center = _read_loads(asked.object("loads"), asked.object("object"))
     terms = _Terms(asked, names)
     answer, entries = f.object("answer"), list(f.objects("grasps"))
     verdict, said = answer.text("verdict", among=("found", "none", "undecided")), answer.take("loads")
     for name in ("checksum", "record"):
         f.take(name)
+    limits = terms.force_limits(task, driven)
     none = f.object("none") if f.has("none") else None
     bound = f.object("bound") if f.has("bound") else None
     f.done()
@@ -68,7 +70,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
         if none.has("fewest_contacts"):
             part = replay_of_loads(len(task.on_object), loads, terms.friction, none)
         else:
-            part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, center, none)
+            part = replay_unbalanced(task.on_object, loads, terms.friction, limits, center, none)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     try:
         equations = ContactEquations.of(task)
@@ -80,7 +82,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
         held = max((float(part.figures.get("factor") or 1.0) for part in parts), default=1.0)
         if factor < held:
             refused = refused or f"no placement is said to hold the loads {factor:g} times, and a grasp {held:g} times"
-        part = replay_unbalanced(task.on_object, loads, terms.friction, terms.force_limit, None, bound, factor)
+        part = replay_unbalanced(task.on_object, loads, terms.friction, limits, None, bound, factor)
         parts.append(replace(part, name="bound"))
     return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
 
@@ -103,6 +105,11 @@ class _Terms:
         self.force_limit = f.number("force_limit") if f.has("force_limit") else np.inf
         self.command_limit = f.number("command_limit") if f.has("command_limit") else np.inf
         f.done()
+
+    def force_limits(self, task: TaskData, motors: Any) -> Array:
+        """(K,) [N] of the normal forces at the contacts, by `force_limit` and by what the motors can do."""
+        own = Motors.read(Fields(motors, "motors"), task, self.torque_limits, self.command_limit)
+        return np.minimum(contact_force_limits(task, own, self.friction), self.force_limit)
 
 
 def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | None]:

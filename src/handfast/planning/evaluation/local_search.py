@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
@@ -94,9 +95,11 @@ class LocalSearch:
         requirements: Requirements,
         seconds_left: float = np.inf,
         best: str | None = None,
+        force_limits: Array | None = None,
     ) -> None:
         self.evaluator, self.seed, self.requirements, self.best = evaluator, seed, requirements, best
-        self.force_limits = np.full(len(evaluator.task.contact_pairs), requirements.force_limit or np.inf)
+        unlimited = np.full(len(evaluator.task.contact_pairs), np.inf)
+        self.force_limits = unlimited if force_limits is None else force_limits
         self.starts = Starts(evaluator.problem, seed)
         self.walks = Walks(self.starts)
         self.line = LineBalance(self.walks, evaluator.loads)
@@ -104,7 +107,14 @@ class LocalSearch:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is sent to another machine, with a clock and machine code of its own."""
-        return LocalSearch, (self.evaluator, self.seed, self.requirements, self.end - time.monotonic(), self.best)
+        return LocalSearch, (
+            self.evaluator,
+            self.seed,
+            self.requirements,
+            self.end - time.monotonic(),
+            self.best,
+            self.force_limits,
+        )
 
     def warm(self) -> None:
         """Compile what the units need, before the clock starts and before processes are made."""

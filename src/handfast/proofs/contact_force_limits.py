@@ -1,0 +1,237 @@
+"""How hard a hand can push at its contacts, wherever on its regions these are and however its joints stand.
+
+A virtual motion of some joints, which keeps the couplings, moves the hand's point of a contact by u; n is the normal
+out of the hand. Of a normal force f with friction mu the work is f (n.u - mu |u_t|) at least. It is the work of the
+actuators (virtual work), at most the sum of their limits times their own motions. So
+
+    f <= sum of limits times motions / the least of n.u - mu |u_t|
+
+over the region and the joints' ranges, if that is positive, and not negative at any other contact that moves. Tried are
+the outermost joints of each finger: their axes stand in the link of the contact, or in one that few joints are between.
+
+Nothing limits the force of a contact of the palm; with a joint that may lean on a stop, which carries anything; with a
+motor that has no limit, gearing included, however small its command; where the lever arm may vanish, as of a straight
+finger that pushes along itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.proofs.chains import frames, unit_or_zero
+from handfast.proofs.fields import Array, Fields, refuse_unknown
+from handfast.proofs.intervals import Interval, cos, cross, dot, sin, sqr, sqrt
+from handfast.proofs.regions import ContactSide
+from handfast.proofs.tasks import TaskData
+
+BATCH = 256  # boxes that are looked at together
+BOXES = 4096  # for one lever arm
+TIGHT = 0.9  # of the least lever arm that was met: a bound that is good enough
+TRIED = 2  # joints of a finger, from the outermost inwards
+
+
+@dataclass(frozen=True, eq=False)
+class Motors:
+    """What drives and holds a hand's joints.
+
+    Attributes:
+        rows: of each actuator, how it moves with the joints, by their indices.
+        limits: of each actuator the largest force with its gearing [N m, N]; inf for none.
+        friction: by joint, its dry friction [N m, N].
+        held: joints with the senses, 1 or -1, in which what holds them can push: springs and passive tendons in both, a
+            stop that is within reach away from it.
+    """
+
+    rows: Sequence[Mapping[int, float]]
+    limits: Sequence[float]
+    friction: Mapping[int, float]
+    held: frozenset[tuple[int, int]]
+
+    @classmethod
+    def read(
+        cls, f: Fields, task: TaskData, torque_limits: Mapping[str, float], command_limit: float = np.inf
+    ) -> Motors:
+        """The `motors` of a grasps file. A motor that can be turned back gives what it is commanded, and no more."""
+        names, limits = task.hand.joints, task.hand.limits
+        rows, most = [], []
+        for part in f.objects("actuators"):
+            name, moved = part.text("name"), part.named("joints")
+            for joint in moved:
+                refuse_unknown(joint, names, "joint", part.at("joints"))
+            rows.append({names.index(joint): x for joint, x in moved.items() if x})
+            back = part.flag("backdrivable", False)
+            most.append(torque_limits.get(name, command_limit if back else np.inf))
+        friction, held = dict[int, float](), set[tuple[int, int]]()
+        if f.has("laws"):
+            laws = f.object("laws")
+            for joint in laws.names():
+                refuse_unknown(joint, names, "joint", laws.place)
+                j, law = names.index(joint), laws.object(joint)
+                friction[j] = law.number("friction", 0.0, least=0.0)
+                low, high = law.take("stops", (None, None))
+                sprung = law.number("stiffness", 0.0) != 0
+                held |= {(j, 1)} if sprung or (low is not None and low >= limits[j, 0]) else set()
+                held |= {(j, -1)} if sprung or (high is not None and high <= limits[j, 1]) else set()
+        if f.has("tendons"):
+            tendons = f.object("tendons")
+            for name in tendons.names():
+                for joint in tendons.object(name).named("joints"):
+                    refuse_unknown(joint, names, "joint", tendons.place)
+                    held |= {(names.index(joint), 1), (names.index(joint), -1)}
+        return cls(rows, most, friction, frozenset(held))
+
+    def work(self, rates: Mapping[int, float]) -> float:
+        """The most that they can do on a motion of joints; inf where that is not limited."""
+        if any((j, int(np.sign(rate))) in self.held for j, rate in rates.items()):
+            return np.inf
+        total = Interval.of(0.0)
+        for row, limit in zip(self.rows, self.limits, strict=True):
+            own = Interval.of(0.0)
+            for j, x in row.items():
+                own = own + Interval.of(x) * rates.get(j, 0.0)
+            if own.mag > 0:
+                if not np.isfinite(limit):
+                    return np.inf
+                total = total + own.mag * Interval.of(limit)
+        for j, rate in rates.items():
+            total = total + Interval.of(abs(rate)) * self.friction.get(j, 0.0)
+        return float(total.hi)
+
+
+def contact_force_limits(task: TaskData, motors: Motors, friction: float) -> Array:
+    """(K,) [N] upper bounds of the normal forces at the contacts of a task; inf where there is none."""
+    out = np.full(len(task.links), np.inf)
+    if not np.isfinite(motors.limits).any():
+        return out
+    for k in range(len(out)):
+        for lead in _leads(task, k)[:TRIED]:
+            rates = _rates(task, lead)
+            for sense in (1.0, -1.0) if rates else ():
+                its = {j: sense * rate for j, rate in rates.items()}
+                work = motors.work(its)
+                if not np.isfinite(work):
+                    continue
+                arm = least_arm(task, k, its, friction)
+                others = (i for i in range(len(out)) if i != k and _moved(task, i) & its.keys())
+                if arm > 0 and all(least_arm(task, i, its, friction, enough=0.0) >= 0 for i in others):
+                    out[k] = min(out[k], float((Interval.of(work) / Interval.of(arm)).hi))
+    return out
+
+
+def _moved(task: TaskData, contact: int) -> set[int]:
+    return {j for i in task.hand.path(task.links[contact]) for j in task.hand.links[i].joints}
+
+
+def _leads(task: TaskData, contact: int) -> list[int]:
+    """The free joints that move a contact, the one that drives its outermost joint first."""
+    hand, out = task.hand, list[int]()
+    for i in reversed(hand.path(task.links[contact])):
+        for j in reversed(hand.links[i].joints):
+            path = hand.driving(j)
+            lead = path[-1].driver if path else j
+            if lead >= 0 and lead not in out:
+                out.append(lead)
+    return out
+
+
+def _rates(task: TaskData, lead: int) -> dict[int, float]:
+    """How fast the joints move that a free one drives; {} where a coupling follows from another, which would round."""
+    out = {lead: 1.0}
+    for j in task.hand.couplings:
+        path = task.hand.driving(j)
+        if path[-1].driver == lead:
+            if len(path) > 1:
+                return {}
+            out[j] = path[0].ratio
+    return {j: rate for j, rate in out.items() if rate}
+
+
+def least_arm(
+    task: TaskData, contact: int, rates: Mapping[int, float], friction: float, *, enough: float = np.inf
+) -> float:
+    """A lower bound of n.u - mu |u_t| over a contact's hand region and the joints' ranges; -inf or less than 0 if none.
+
+    By branch and bound, until the bound is `TIGHT`, at least `enough`, or `BOXES` were looked at.
+    """
+    arm = _Arm(task, contact, rates, friction)
+    boxes, bounds, least, seen = arm.root[None], np.full(1, -np.inf), np.inf, 0
+    while seen < BOXES and bounds.min() < min(TIGHT * least, enough):
+        first = np.argsort(bounds, kind="stable")[:BATCH]
+        middle = arm.over(Interval.of(boxes[first].mean(axis=2)))
+        least = min(least, float(middle.hi.min()))
+        if least < 0:
+            return -np.inf
+        side = (np.ptp(boxes[first], axis=2) / arm.width).argmax(axis=1)
+        halves = np.repeat(boxes[first], 2, axis=0)
+        cut = 0.5 * boxes[first].sum(axis=2)[np.arange(len(first)), side]
+        halves[0::2][np.arange(len(first)), side, 1] = cut
+        halves[1::2][np.arange(len(first)), side, 0] = cut
+        new = arm.over(Interval.between(*np.moveaxis(halves, 2, 0))).lo
+        new = np.fmax(np.nan_to_num(new, nan=-np.inf), np.repeat(bounds[first], 2))
+        boxes = np.concatenate([np.delete(boxes, first, axis=0), halves])
+        bounds = np.concatenate([np.delete(bounds, first), new])
+        seen += len(first)
+    return float(bounds.min())
+
+
+class _Arm:
+    """n.u - mu |u_t| of a contact, by the two parameters of its hand region and the free joints between."""
+
+    def __init__(self, task: TaskData, contact: int, rates: Mapping[int, float], friction: float) -> None:
+        self.task, self.rates, self.friction, hand = task, rates, friction, task.hand
+        region = task.on_hand[contact]
+        self.side = ContactSide.of([region], np.array([[0, 1]]), still=False)
+        outwards = [(i, j) for i in hand.path(task.links[contact]) for j in (-1, *hand.links[i].joints)]
+        moved = [n for n, (_, j) in enumerate(outwards) if j in rates]
+        self.steps = outwards[moved[0] :][::-1] if moved else []
+        passed = [j for _, j in self.steps[:-1] if j >= 0]
+        self.paths = {j: hand.driving(j) for j in passed}
+        leads = {j: path[-1].driver if path else j for j, path in self.paths.items()}
+        self.columns = {lead: 2 + n for n, lead in enumerate(sorted({x for x in leads.values() if x >= 0}))}
+        self.root = np.vstack([region.ends, *(hand.limits[lead][None] for lead in self.columns)])
+        self.width = np.maximum(np.ptp(self.root, axis=1), 1e-300)
+
+    def over(self, x: Interval) -> Interval:
+        """(N,) at parameters (N, n)."""
+        hand, N = self.task.hand, x.shape[0]
+        at = self.side.at(x[:, :2])
+        point, normal = at.point.value[:, 0], at.normal.value[:, 0]
+        turned = Interval(np.broadcast_to(Interval.of(np.eye(3)).ends, (N, 3, 3, 2)))
+        shift, u = Interval(np.zeros((N, 3, 2))), Interval(np.zeros((N, 3, 2)))
+        # x of a step's frame is turned x + shift in that of the contact's link
+        for n, (i, j) in enumerate(self.steps):
+            if j < 0:  # inwards past the link's frame
+                frame, place = frames(self.task, np.array([i]))
+                turned = turned @ frame.swapped()
+                shift = shift - (turned @ place)[..., 0]
+                continue
+            axis, anchor = unit_or_zero(hand.axes[j][None])[0], hand.anchors[j]
+            along = (turned @ axis[:, None])[..., 0]
+            if rate := self.rates.get(j):
+                about = (turned @ anchor[:, None])[..., 0] + shift
+                u = u + (cross(along, point - about) if hand.revolute[j] else along) * rate
+            if n == len(self.steps) - 1:
+                break
+            by = self.value(j, x) - hand.ref[j]
+            if hand.revolute[j]:
+                skew = cross(axis[None], Interval.of(np.eye(3))).swapped()  # axis x, as a matrix
+                back = np.eye(3) - sin(by)[:, None, None] * skew + (1.0 - cos(by))[:, None, None] * (skew @ skew)
+                shift = shift + (turned @ (anchor - (back @ anchor[:, None])[..., 0])[..., None])[..., 0]
+                turned = turned @ back
+            else:
+                shift = shift - along * by[:, None]
+        pushed = dot(normal, u)
+        slip = sqrt(sqr(u - normal * pushed[:, None]).sum())
+        return pushed - slip * self.friction
+
+    def value(self, j: int, x: Interval) -> Interval:
+        """(N,) of a joint."""
+        path = self.paths[j]
+        lead = path[-1].driver if path else j
+        q = x[:, self.columns[lead]] if lead >= 0 else Interval(np.zeros((x.shape[0], 2)))
+        for c in reversed(path):
+            q = q * c.ratio + c.offset
+        return q
