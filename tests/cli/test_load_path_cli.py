@@ -69,6 +69,8 @@ def test_a_path_that_does_not_begin(lone: str, capsys: pytest.CaptureFixture[str
         (("check", "fig9", "--wrench", "0", "1", "0", "--no-mdp"), "needs the maximum dissipation principle"),
         (("max", "fig9", "--direction", "0", "1", "0", "--interval"), "cannot be asked with interval"),
         (("max", "fig9", "--direction", "0", "1", "0", "--base", "0", "0", "1"), "cannot be asked with base"),
+        (("map", "fig9", "--steps", "4", "--interval"), "cannot be asked with interval"),
+        (("torques", "fig9", "--wrench", "0", "1", "0"), "hold finds a preload that holds on the path"),
     ],
 )
 def test_what_is_refused(asked: tuple[str, ...], fault: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,3 +83,24 @@ def test_what_is_refused(asked: tuple[str, ...], fault: str, capsys: pytest.Capt
 def test_the_start_of_a_step_is_no_part_of_grasp_files() -> None:
     """It stands in path files alone."""
     assert "from" not in grasp_file.to_dict(load_grasp("fig9"))
+
+
+def test_hold_map_and_sweep(grasp: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    held, curve, grown = (str(tmp_path / name) for name in ("hold.json", "map.json", "sweep.json"))
+    asked = "hold", grasp, "--wrench", "0", "1", "0", "--no-least", *FIRST
+    status, out, _ = run(capsys, *asked, "--save", held)
+    assert status == 0
+    assert "1 load, each on its path after the squeeze" in " ".join(out.split())
+    assert "This preload leaves" in out
+    status, out, _ = run(capsys, "verify", held)
+    assert status == 0
+    assert "first the squeeze, then the load" in " ".join(out.split())
+    status, out, _ = run(capsys, "map", grasp, "--steps", "1", "--gap", "0.01", "-o", curve, *FIRST)
+    assert "first the squeeze, then the load" in " ".join(out.split())
+    again = "sweep", grasp, "--joint", "right", "--to", "0.1", "--steps", "2", "--direction", "0", "1", "0"
+    run(capsys, *again, "--gap", "0.01", "-o", grown, *FIRST)
+    for file in (curve, grown):
+        assert json.loads(Path(file).read_text())["question"]["loading"] == "preload-first"
+        status, out, _ = run(capsys, "verify", "--replay", file)
+        assert status == 0
+        assert "first the squeeze, then the load" in " ".join(out.split())

@@ -15,7 +15,7 @@ from tyro.conf import Positional, arg
 from handfast.cli import console
 from handfast.cli.console import print_table
 from handfast.cli.load_options import Disturbances
-from handfast.cli.options import QueryOptions, Saved, WorkOptions, check_folder, check_writable
+from handfast.cli.options import LoadingOrder, QueryOptions, Saved, WorkOptions, check_folder, check_writable
 from handfast.cli.tables import STYLE
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
@@ -27,6 +27,7 @@ from handfast.pictures import Entry, words
 from handfast.pictures.sentences import command_text, hold_sentence
 from handfast.pictures.words import num
 from handfast.stability.answers import MaxAnswer
+from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, hold
 
@@ -35,14 +36,15 @@ TOGETHER = (".jsonl", ".ndjson")  # files of many grasps
 
 
 @dataclass(kw_only=True)
-class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
+class Hold(Disturbances, QueryOptions, LoadingOrder, Saved, WorkOptions):
     """Is there one preload under which every load is resisted, each on its own, and how small can it be?
 
     GRASP may be a folder of grasp files, such as `import` writes, or JSON lines: a line each is said of its grasps.
     Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none. The margin of a
     load is the largest factor by which it can be multiplied and is still resisted under that preload, by a witness and
     a certificate; factors between 1 and it are mostly resisted, not always. The smallest preload leaves the load that
-    needs most a margin of about 1: --safety asks for more."""
+    needs most a margin of about 1: --safety asks for more. With --loading preload-first each load grows on a path after
+    the squeeze, the margin is where the path ends, and no preload is said to be the smallest."""
 
     grasp: Annotated[Positional[str], arg(metavar="GRASP|FOLDER")]
     """a handfast/grasp/1 file, the name of a bundled grasp, or a folder or .jsonl of grasp files"""
@@ -87,7 +89,8 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
     def _show(self, out: Console, grasp: Grasp, answer: HoldAnswer) -> None:
         show_hold(out, grasp, answer, self.eta, self._why(answer))
         if answer.margin is not None and answer.margin < LITTLE and self.safety == 1 and answer.upper > 0:
-            out.print("The smallest preload leaves its hardest load no more; --safety 1.5 asks for 1.5.")
+            which = "The smallest preload" if answer.loading == "together" else "This preload"
+            out.print(f"{which} leaves its hardest load no more; --safety 1.5 asks for 1.5.")
         if answer.margins and self.safety != 1:
             out.print(f"Margins are of the loads above, which are {self.safety:g} times what was given.")
         if self.gravity:
@@ -97,6 +100,7 @@ class Hold(Disturbances, QueryOptions, Saved, WorkOptions):
     def _asked(self, grasp: Grasp, source: str, options: dict[str, Any]) -> HoldAnswer:
         loads = self.disturbances(grasp, source).scaled(self.safety)
         asked: dict[str, Any] = {"least": self.least, "margins": self.margin, "command_limit": self.command_limit}
+        asked |= {"loading": self.loading}
         return hold(grasp, loads, timeout=self.timeout, **asked, **options)
 
     def _entries(self, answer: HoldAnswer) -> list[Entry]:
@@ -212,6 +216,7 @@ def show_hold(out: Console, grasp: Grasp, answer: HoldAnswer, eta: float, why: s
         lines = []
         for name, wrench, a in zip(answer.loads.names, answer.loads.wrenches, answer.checks, strict=True):
             shown = "an exact state" if a.exact else "a state to 1e-9"
+            shown += " of each step" if isinstance(a.path, LoadPath) else ""
             more = [margin_text(answer.margins.get(name))] if answer.margins else []
             lines.append((name, words.load_text(wrench), shown, *more))
         print_table(out, ["load", "", "shown by", *(["margin"] if answer.margins else [])], lines)

@@ -11,7 +11,7 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console, tables
 from handfast.cli.load_options import WeightOptions
-from handfast.cli.options import Command, EndsIn, QueryOptions, Triple, Wrench, write_as
+from handfast.cli.options import Command, EndsIn, LoadingOrder, QueryOptions, Triple, Wrench, write_as
 from handfast.core.errors import InputError
 from handfast.pictures import Entry
 from handfast.stability.studies.maps import MapAnswer, SweepAnswer, force_map, sweep
@@ -20,7 +20,7 @@ Figures = Annotated[Path | None, arg(metavar="FILE", aliases=["-o"]), EndsIn((".
 
 
 @dataclass(kw_only=True)
-class Map(QueryOptions, Command):
+class Map(QueryOptions, LoadingOrder, Command):
     """The largest resisted force in every direction of a plane, without and with the preload.
 
     Figures 6, 8 and 10 of the stability paper. Directions are spread over all processors; Ctrl-C ends
@@ -48,7 +48,7 @@ class Map(QueryOptions, Command):
             if force is not None and not 0 < force < float("inf"):
                 raise InputError(f"is {force:g}; a force above 0 [N] is needed", field=name)
         with console.watch("map") as watch:
-            options |= {"interval": self.interval}
+            options |= {"interval": self.interval, "loading": self.loading}
             options |= {"at": self.at, "steps": self.steps, "on_progress": watch.item}
             answer = force_map(grasp, self.plane, **options)
         if self.output:
@@ -93,7 +93,7 @@ def map_csv(answer: MapAnswer) -> str:
 
 
 @dataclass(kw_only=True)
-class Sweep(QueryOptions, WeightOptions):
+class Sweep(QueryOptions, LoadingOrder, WeightOptions):
     """The largest resisted disturbances while one actuator's command varies.
 
     Figure 12 of the stability paper. The other commands stay as in the grasp.
@@ -126,7 +126,8 @@ class Sweep(QueryOptions, WeightOptions):
                 raise InputError(f"is {value}; a finite number is needed", field=field)
         values = np.linspace(self.from_, self.to, self.steps)
         with console.watch("sweep") as watch:
-            answer = sweep(grasp, self.joint, values, directions, on_progress=watch.item, **options)
+            options |= {"loading": self.loading, "on_progress": watch.item}
+            answer = sweep(grasp, self.joint, values, directions, **options)
         if self.output:
             save_sweep(answer, self.output, force=self.force)
         entry = Entry(f"How does the command of {self.joint} change what it resists?", answer, eta=self.limits.eta)

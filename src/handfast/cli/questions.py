@@ -114,7 +114,7 @@ class Max(LoadDirection, QueryOptions, Saved, LoadingOrder, FrictionModel):
 
 
 @dataclass(kw_only=True)
-class LeastTorques(Load, QueryOptions, Saved):
+class LeastTorques(Load, QueryOptions, Saved, LoadingOrder):
     """Which motor commands resist this disturbance with the least effort?
 
     Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none.
@@ -127,7 +127,8 @@ class LeastTorques(Load, QueryOptions, Saved):
         grasp, options = self.load(), self.options()
         wrench = self.one_wrench(self.wrench, self.gravity, grasp, self.grasp)
         with console.watch("torques") as watch:
-            answer = torques(grasp, wrench, objective=self.objective, on_progress=watch.step, **options)
+            options |= {"objective": self.objective, "loading": self.loading, "on_progress": watch.step}
+            answer = torques(grasp, wrench, **options)
         entry = Entry(f"Which commands resist {load_text(wrench)}?", answer, eta=self.limits.eta)
         note = self.weight_text(grasp) if self.gravity else ""
 

@@ -307,7 +307,8 @@ def _head(
     """word: the verdict; commands: with which it is asked."""
     out.print(Text.assemble(word, "  ", sentence))
     eta = f"; normals off by up to {num(asked.eta)}°" if asked.eta else ""
-    facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}"
+    after = "; first the squeeze, then the load" if getattr(asked, "loading", "together") != "together" else ""
+    facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}{after}"
     out.print(f"{grasp.name}: {facts}", style="dim")
     if laws := laws_text(grasp):
         out.print(laws, style="dim", soft_wrap=True)

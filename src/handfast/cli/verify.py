@@ -185,7 +185,9 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
     out.print(f"\n{_opening(proved)} {_asked(asked)}", soft_wrap=True)
     facts = [words.grasp_text(g), "" if sought else f"preload {words.preload_text(g)}"]
     limits = asked["torque_limits"], asked["force_limit"]
-    out.print("; ".join(filter(None, [*facts, *_terms(asked["eta"], asked.get("mdp", True), *limits)])), soft_wrap=True)
+    after = ["first the squeeze, then the load"] if "loading" in data.get("answer", ()) else []
+    terms = [*_terms(asked["eta"], asked.get("mdp", True), *limits), *after]
+    out.print("; ".join(filter(None, [*facts, *terms])), soft_wrap=True)
     _show_grasp(out, g)
 
 
@@ -223,7 +225,8 @@ def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
     limits = asked["torque_limits"], asked["force_limit"]
     facts = [words.grasp_text(g), f"preload {words.preload_text(g)}", *_terms(asked["eta"], asked["mdp"], *limits)]
 
-    facts.append(f"lower bounds to within {num(100 * min(asked['gap'], LARGEST_GAP))} %")
+    within = f"lower bounds to within {num(100 * min(asked['gap'], LARGEST_GAP))} %"
+    facts.append("first the squeeze, then the load: ends of paths" if "loading" in asked else within)
     out.print(f"{_opening(proved)} {what}", soft_wrap=True)
     out.print("; ".join(facts), soft_wrap=True)
     _show_grasp(out, g)

@@ -176,6 +176,8 @@ def _map_key(
     facts = [f"Preload {words.preload_text(answer.grasp)}", words.grasp_text(answer.grasp)]
     eta = num(float(np.degrees(answer.eta)))
     facts.append(f"Normals off by up to {eta}°" if answer.eta else "Normals taken as exact")
+    if answer.terms.along_paths:
+        facts.append("First the squeeze, then the load: ends of paths")
     if beyond:
         facts.append(beyond)
     if answer.at.any():

@@ -127,6 +127,8 @@ def _end_sentence(answer: MaxAnswer, path: LoadPath, what: str, factor: float, u
     lower, upper = (f"{num(factor * x)} {unit}" for x in (answer.lower, answer.upper))
     if answer.unbounded:
         return f"After the squeeze a {what} may grow to any size."
+    if answer.upper == 0 and path.reached is not None:
+        return f"No {what} is resisted, however small{up_to(answer)}."
     if path.reached is None:
         known = "are in no balance" if answer.verdict is Verdict.SLIPS else "may be in no balance"
         return f"The commands alone {known}, so that no path begins{up_to(answer)}."
@@ -320,6 +322,7 @@ def hold_sentence(answer: HoldAnswer) -> str:
         if answer.upper == 0:
             return f"Every actuator may stay locked: {loads} resisted, no command needed."
         below = f"; none below {num(answer.lower)} suffices" if answer.lower > 0 else ""
+        loads += ", each on its path after the squeeze" if answer.loading != "together" else ""
         return f"One preload holds {loads}; its largest command is {command_text(answer)}{below}."
     if answer.verdict is Verdict.SLIPS and answer.refuted:
         name, proof = answer.refuted

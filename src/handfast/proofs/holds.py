@@ -1,7 +1,8 @@
 """One preload for many loads: what a `handfast/hold/1` file claims, put together from answers about single loads.
 
 HOLDS needs a `check` of every load under the preload, a lower bound of the largest command the `torques` of one load.
-A margin is the `max` of a load under the preload. SLIPS needs a load that no commands resist, or none within the limit
+A margin is the `max` of a load under the preload. Where the loads come after the commands both are paths, and no
+commands are claimed to be the least. SLIPS needs a load that no commands resist, or none within the limit
 of commands; or one that no forces at the contacts balance, whatever they are.
 """
 
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs import answers, checker
+from handfast.proofs import answers, checker, path_steps
 from handfast.proofs.answers import SavedAnswer
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.fields import Array, BadFile, Fields
@@ -36,6 +37,7 @@ class SavedHold:
         command_limit: [N m or N] the largest command that is allowed; inf for none.
         said: the answer, as JSON.
         checks, margins: by the names of loads. bounding, refuted: name and answer; None without.
+        along: do the loads come after the commands?
     """
 
     question: Question
@@ -46,6 +48,7 @@ class SavedHold:
     bounding: tuple[str, SavedAnswer | None] | None
     refuted: tuple[str, SavedAnswer | None] | None
     margins: Mapping[str, SavedAnswer]
+    along: bool = False
 
 
 def read_hold(data: Any, place: str = "") -> SavedHold:
@@ -60,21 +63,24 @@ def read_hold(data: Any, place: str = "") -> SavedHold:
     limit = asked.number("command_limit", least=0.0) if asked.has("command_limit") else np.inf
     one = {name: asked.take(name) for name in ("grasp", "eta", "torque_limits", "force_limit")}
     one |= {"goal": TORQUES, "wrench": next(iter(by_name.values())), "driven": asked.take("actuators")}
+    along = asked.has("loading") and bool(asked.text("loading", among=[path_steps.LOADING]))
+    asked.take("loading", None)
     asked.done()
     question = read_question(one, asked.place)
     said = f.take("answer")
     Fields(said, f.at("answer")).text("query", among=["hold"])
+    read = path_steps.read_path if along else answers.read_answer
     checks = f.object("checks")
-    of_loads = {name: answers.read_answer(checks.take(name), checks.at(name)) for name in by_name if checks.has(name)}
+    of_loads = {name: read(checks.take(name), checks.at(name)) for name in by_name if checks.has(name)}
     checks.done()
     parts = [_part(f, name) for name in ("bounding", "refuted")]
     margins = {}
     if f.has("margins"):
         more = f.object("margins")
-        margins = {name: answers.read_answer(more.take(name), more.at(name)) for name in by_name if more.has(name)}
+        margins = {name: read(more.take(name), more.at(name)) for name in by_name if more.has(name)}
         more.done()
     f.done()
-    return SavedHold(question, by_name, limit, said, of_loads, parts[0], parts[1], margins)
+    return SavedHold(question, by_name, limit, said, of_loads, parts[0], parts[1], margins, along)
 
 
 def _part(f: Fields, name: str) -> tuple[str, SavedAnswer | None] | None:
@@ -89,7 +95,7 @@ def _part(f: Fields, name: str) -> tuple[str, SavedAnswer | None] | None:
 
 def replay(saved: SavedHold) -> Replay:
     """Is everything that it claims proved?"""
-    parts = [replace(answers.replay(answer), name=name) for name, answer in saved.checks.items()]
+    parts = [_replayed(answer, name) for name, answer in saved.checks.items()]
     said, reason = saved.said, ""
     try:
         if said.get("verdict") == "slips":
@@ -107,11 +113,17 @@ def replay(saved: SavedHold) -> Replay:
     return Replay("hold", _claim(saved), reason, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
 
 
+def _replayed(answer: SavedAnswer, name: str) -> Replay:
+    done = path_steps.replay(answer) if isinstance(answer, path_steps.SavedPath) else answers.replay(answer)
+    return replace(done, name=name)
+
+
 def _claim(saved: SavedHold) -> str:
     verdict, loads = saved.said.get("verdict"), f"{len(saved.loads)} loads"
     if verdict == "slips":
         return f"no preload holds {saved.refuted[0] if saved.refuted else 'some load'}"
-    return f"one preload holds {loads}" if verdict == "holds" else ""
+    when = ", on the path of each" if saved.along else ""
+    return f"one preload holds {loads}{when}" if verdict == "holds" else ""
 
 
 def _held(saved: SavedHold) -> None:
@@ -174,7 +186,7 @@ def _margins(saved: SavedHold) -> list[Replay]:
         _same_question(saved, name, answer)
         if (answer.question.grasp.command != _command(saved)).any():
             raise Refused(f"{name}: its margin is that of another preload")
-    return [replace(answers.replay(answer), name=f"{name}, margin") for name, answer in saved.margins.items()]
+    return [_replayed(answer, f"{name}, margin") for name, answer in saved.margins.items()]
 
 
 def _bounding(saved: SavedHold) -> list[Replay]:
@@ -183,8 +195,8 @@ def _bounding(saved: SavedHold) -> list[Replay]:
     if lower == 0 and saved.bounding is None:
         return []
     name, answer = saved.bounding or ("", None)
-    if answer is None:
-        raise Refused(f"nothing is there that shows the bound {lower}")
+    if answer is None or saved.along:
+        raise Refused(f"nothing is there that shows the bound {lower}{' on paths' if saved.along else ''}")
     _same_question(saved, name, answer)
     if answer.said["query"] != "torques" or answer.said.get("lower") != lower or answer.question.sums:
         raise Refused(f"the bound {lower} is not that of {name}")
@@ -203,6 +215,8 @@ def _refuted(saved: SavedHold) -> list[Replay]:
         raise Refused(f"'{name}' is none of its loads")
     if answer is None:
         return [_unbalanced(saved, name)]
+    if saved.along:
+        raise Refused(f"{name}: what no commands resist together with the load is not shown of its path")
     _same_question(saved, name, answer)
     _all_commands(saved, name, answer)
     more = isinstance(answer.said.get("lower"), float) and answer.said["lower"] > saved.command_limit
@@ -226,7 +240,8 @@ def _unbalanced(saved: SavedHold, name: str) -> Replay:
 def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
     """`Refused` unless an answer is about this load and about the grasp and the limits of all."""
     q, asked = answer.question, saved.question
-    base, load = answers.line(answer) if answer.said["query"] == "max" else (np.zeros(6), q.wrench)
+    of_line = answer.said["query"] == "max" and not isinstance(answer, path_steps.SavedPath)
+    base, load = answers.line(answer) if of_line else (np.zeros(6), q.wrench)
     if name not in saved.loads or not np.array_equal(load, saved.loads[name]) or base.any():
         raise Refused(f"{name}: the answer is about another load")
     limits = ("eta", "mdp", "torque_limits", "force_limit")
@@ -261,11 +276,13 @@ def _compare(saved: SavedHold) -> None:
     said = saved.said
     loads = {name: load.tolist() for name, load in saved.loads.items()}
     of_margins = margins_json({name: _bounds(a) for name, a in saved.margins.items()}) if saved.margins else {}
-    if set(said) - {"residuals", "exact"} != {*KEYS, *of_margins}:
-        raise Refused(f"has other keys than {', '.join((*KEYS, *of_margins))}")
+    keys = *KEYS, *of_margins, *(["loading"] if saved.along else [])
+    if set(said) - {"residuals", "exact"} != set(keys):
+        raise Refused(f"has other keys than {', '.join(keys)}")
     if said["loads"] != loads:
         raise Refused("loads are not those of the question")
     shown: dict[str, Any] = {"residuals": [a.said.get("residual") for a in saved.checks.values()]}
+    shown |= {"loading": path_steps.LOADING} if saved.along else {}
     shown |= of_margins | {"exact": all(a.said.get("exact") for a in saved.checks.values()) if saved.checks else None}
     for key, value in shown.items():
         if key in said and said[key] != value:

@@ -10,7 +10,6 @@ not about all ways in which a hand may come to its load.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +19,7 @@ from handfast.proofs.answers import (
     COURSE,
     NOT_REPLAYED,
     NOTHING,
+    SavedAnswer,
     Witness,
     close,
     compare,
@@ -37,7 +37,7 @@ from handfast.proofs.grasp import StartData, read_start
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.tolerance import farthest
+from handfast.proofs.tolerance import drives, farthest
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
@@ -57,12 +57,10 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class SavedPath:
+class SavedPath(SavedAnswer):
     """A path file, read: what was asked of the whole load, the answer as JSON, the steps in their order."""
 
-    question: Question
-    said: Mapping[str, Any]
-    steps: tuple[Step, ...]
+    steps: tuple[Step, ...] = ()
 
     @property
     def reached(self) -> float:
@@ -81,7 +79,7 @@ def read_path(data: Any, place: str = "") -> SavedPath:
     Fields(said, f.at("answer")).text("loading", among=[LOADING])
     steps = tuple(_read_step(x, question) for x in f.objects("steps"))
     f.done()
-    return SavedPath(question, said, steps)
+    return SavedPath(question, said, None, None, steps=steps)
 
 
 def _read_step(f: Fields, q: Question) -> Step:
@@ -219,13 +217,20 @@ def _max(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool
     """What the end of a path has to say besides."""
     verdict, lower = saved.said["verdict"], last.magnitude if last is not None else 0.0
     upper, unbounded = saved.steps[-1].magnitude if ended else None, bool(saved.said.get("unbounded"))
-    if (verdict == "holds") != (lower > 0) or (verdict == "slips") != (last is None and ended):
+    if upper is not None and not lower and is_scale_free(saved.question):
+        upper = 0.0
+    if (verdict == "holds") != (lower > 0) or (verdict == "slips") != (upper == 0):
         raise Refused(f"{verdict.upper()} is not what its steps show")
     if unbounded and (ended or not lower >= _end(saved.question) * (1 - SAME)):
         raise Refused("unbounded, but its path ends")
     gap = 0.0 if unbounded or upper == 0 else (upper - lower) / lower if upper is not None and lower > 0 else None
     bounds: dict[str, Any] = {"lower": lower, "upper": upper, "gap": gap, "unbounded": unbounded}
     return bounds | {"attained": True, "limit": None, "holds_from_zero_to": None}
+
+
+def is_scale_free(q: Question) -> bool:
+    """Is there nothing but the load, so that states of it times any number are states of so much of it, from rest?"""
+    return not (drives(q) or q.torque_limits or q.force_limit < np.inf)
 
 
 def _end(q: Question) -> float:

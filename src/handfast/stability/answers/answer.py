@@ -45,6 +45,8 @@ class Pathed(Protocol):
     def exact(self) -> bool | None: ...
     @property
     def motion(self) -> float | None: ...
+    @property
+    def shown(self) -> tuple[Witness, Proved | None] | None: ...
     def said(self) -> dict[str, Any]: ...
     def to_file(self, answer: dict[str, Any]) -> dict[str, Any]: ...
 
@@ -92,6 +94,8 @@ class Answer(Presented, ABC):
 
     @cached_property
     def _shown(self) -> tuple[Witness, Proved | None] | None:
+        if self.found is not None and self.path is not None:
+            return self.path.shown
         if self.found is None or self._of_found is None or self.posed is None:
             return None if self.found is None else (self.found, None)
         if self.path is not None:  # its last state, as it stands in the chain

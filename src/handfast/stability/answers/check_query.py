@@ -14,11 +14,12 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.stability.answers.answer import Answer, any_state
-from handfast.stability.answers.load_path import LoadPath, check_path, comes_after
+from handfast.stability.answers.load_path import LoadPath, StepAnswer, check_path, comes_after
 from handfast.stability.answers.margin import Margin
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.search.solve import clock_of, time_left
 
@@ -82,8 +83,7 @@ def check(
     after = comes_after(loading, mdp)
     p = scaled_problem.build(grasp, wrench, limits=limits, mdp=mdp)
     if after:
-        start = time.monotonic()
-        return _of_path(check_path(p, settings, on_progress), time.monotonic() - start)
+        return check_along(p, settings, on_progress)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
         clock = clock_of(settings)
         modest = any_state(CheckAnswer, replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_progress)
@@ -91,6 +91,14 @@ def check(
             return modest
         settings = time_left(settings, clock)
     return any_state(CheckAnswer, p, settings, on_progress)
+
+
+def check_along(
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, rest: StepAnswer | None = None
+) -> CheckAnswer:
+    """The answer on the path to the load of a built problem; rest: as of `check_path`."""
+    start = time.monotonic()
+    return _of_path(check_path(p, settings, on_progress, rest), time.monotonic() - start)
 
 
 def is_table(wrench: Any) -> bool:

@@ -40,6 +40,7 @@ from handfast.stability.search.solve import clock_of, solve, time_left
 COUNTS = 1, 4, 16, 64  # steps to the whole load, or to where one step leads, until two paths in turn say the same
 AGREE = 0.01  # relative: ends of two paths that differ by less are the same
 ABOVE = 1 + 1e-9  # rounding
+MOST_NODES = 4000  # for where one step leads, by which steps are only sized
 OTHER = 1e-6  # relative to the forces that act: states whose motions differ by less are the same
 
 
@@ -96,6 +97,11 @@ class LoadPath:
     nodes: int = 0
 
     @property
+    def rest(self) -> StepAnswer | None:
+        """State 0, of the commands alone, or that it is shown to be none: for other paths of the grasp."""
+        return None if self.steps[0].verdict is Verdict.UNDECIDED else self.steps[0]
+
+    @property
     def held(self) -> tuple[StepAnswer, ...]:
         """The steps that have a state."""
         return tuple(s for s in self.steps if s.verdict is Verdict.HOLDS)
@@ -106,6 +112,12 @@ class LoadPath:
         return self.magnitudes[len(self.held) - 1] if self.held else None
 
     @property
+    def upper(self) -> float | None:
+        """`slips_at`, or 0 where none however small has one; None if that was not shown."""
+        none = not self.reached and path_steps.is_scale_free(self.whole.question)
+        return 0.0 if none and self.slips_at is not None else self.slips_at
+
+    @property
     def slips_at(self) -> float | None:
         """The magnitude at which no state exists from the last one; None if that was not shown."""
         return self.magnitudes[-1] if self.steps[-1].verdict is Verdict.SLIPS else None
@@ -114,6 +126,11 @@ class LoadPath:
     def exact(self) -> bool | None:
         """Is an exact state of every step proved to exist? None without any."""
         return all(bool(s.exact) for s in self.held) if self.held else None
+
+    @property
+    def shown(self) -> tuple[Witness, Proved | None] | None:
+        """The last state as its step shows it, and what is proved of it."""
+        return self.held[-1]._shown if self.held else None
 
     @property
     def motion(self) -> float | None:
@@ -128,7 +145,7 @@ class LoadPath:
             "stop": last.stop,
             "seconds": seconds,
             "nodes": self.nodes,
-            "found": held[-1].witness if held else None,
+            "found": held[-1].found if held else None,
             "proof": last.proof if last.verdict is Verdict.SLIPS else None,
             "posed": self._posed,
             "path": self,
@@ -223,6 +240,13 @@ class Follower:
     before: dict[Start, tuple[Known, Known | None]] = field(default_factory=dict)
     straight: dict[Pick, list[tuple[float, StepAnswer]]] = field(default_factory=dict)
     nodes: int = 0
+
+    @classmethod
+    def of(
+        cls, p: ScaledProblem, settings: Settings, on_progress: OnStep | None, rest: StepAnswer | None = None
+    ) -> Follower:
+        """Of a question that begins now; rest: its state 0, if it is known."""
+        return cls(p, settings, clock_of(settings), on_progress, {} if rest is None else {(0.0, b""): rest})
 
     def step(self, grasp: Grasp, magnitude: float, prove: bool = True) -> StepAnswer:
         """Is there a state at a magnitude of the load, from where the grasp starts? prove: that there is none, too."""
@@ -328,7 +352,8 @@ class Follower:
         p, w = self.whole, self.whole.wrench
         along = scaled_problem.build(grasp, np.zeros(6), w, limits=p.limits)
         end = min(below, along.last_magnitude)
-        left = replace(time_left(self.settings, self.limits), verify=False)
+        left = time_left(self.settings, self.limits)
+        left = replace(left, verify=False, nodes=min(left.nodes, MOST_NODES))
         within = (-end / along.direction_scale, -here / along.direction_scale)
         found = solve(along, LARGEST, left, None, within=within)
         self.nodes += found.nodes
@@ -368,9 +393,14 @@ def comes_after(loading: str, mdp: bool = True, **others: object) -> bool:
     return True
 
 
-def check_path(p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None) -> LoadPath:
-    """The path to a load (`p.wrench`, base load alone, no direction): in ever more steps, until two say the same."""
-    follower = Follower(p, settings, clock_of(settings), on_progress)
+def check_path(
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, rest: StepAnswer | None = None
+) -> LoadPath:
+    """The path to a load (`p.wrench`, base load alone, no direction): in ever more steps, until two say the same.
+
+    rest: state 0 of another path of the same grasp and limits, so that it is not looked for again.
+    """
+    follower = Follower.of(p, settings, on_progress, rest)
     by_steps: dict[int, float] = {}
     before = None
     for n in COUNTS:
@@ -385,17 +415,27 @@ def check_path(p: ScaledProblem, settings: Settings, on_progress: OnStep | None 
     return replace(path, by_steps=by_steps, other_choice=other, nodes=follower.nodes)
 
 
-def path_end(p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None) -> LoadPath:
-    """The path of growing multiples of a load (`p.wrench`) to its end: in ever shorter steps, until ends agree."""
-    follower = Follower(p, settings, clock_of(settings), on_progress)
+def path_end(
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, rest: StepAnswer | None = None
+) -> LoadPath:
+    """The path of growing multiples of a load (`p.wrench`) to its end: in ever shorter steps, until ends agree.
+
+    rest: as of `check_path`.
+    """
+    follower = Follower.of(p, settings, on_progress, rest)
     posed = BoundProblem(p, ANY_STATE)
     last = farthest(replace(posed.question, direction=p.wrench, wrench=np.zeros(6))) * (1 + AGREE)
-    rest = follower.along(np.zeros(1))
-    grasp = follower.after(rest.steps[0], 0.0, shown) if rest.held else None
+    begun = follower.along(np.zeros(1))
+    grasp = follower.after(begun.steps[0], 0.0, shown) if begun.held else None
     if grasp is None:
-        return replace(rest, nodes=follower.nodes)
-    size = min(follower.one_step_end(grasp, 0.0, last) or last / ENDLESS, last)
+        return replace(begun, nodes=follower.nodes)
     by_steps: dict[int, float] = {}
+    if not (p.f_c.any() or p.is_given):  # beside nothing but limits no search tells small magnitudes from none
+        free = path_steps.is_scale_free(posed.question)
+        first = follower.along(np.array([0.0, last if free else settings.gap * last / ENDLESS]))
+        if free or first.steps[-1].verdict is not Verdict.HOLDS:
+            return replace(first, by_steps={1: first.reached or 0.0}, nodes=follower.nodes)
+    size = min(follower.one_step_end(grasp, 0.0, last) or last / ENDLESS, last)
     before = None
     for n in COUNTS[1:]:
         path = follower.to_end(size / n, last)

@@ -20,7 +20,7 @@ from handfast.proofs.newton import NotShown, System
 from handfast.proofs.states import Modes, Problem
 from handfast.proofs.states import State as StateData
 from handfast.stability.answers.answer import Answer, finite, state_json
-from handfast.stability.answers.load_path import LoadPath, comes_after, path_end
+from handfast.stability.answers.load_path import LoadPath, StepAnswer, comes_after, path_end
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.equivalent_grasp import runs_away
@@ -185,18 +185,25 @@ def maximum(
     """
     settings = settings or Settings()
     if comes_after(loading, mdp, base=base, interval=interval):
-        clock = clock_of(settings)
         p = scaled_problem.build(grasp, scaled_problem.as_direction(direction), limits=limits)
-        return _of_path(path_end(p, settings, on_progress), clock)
+        return largest_along(p, settings, on_progress)
     p = scaled_problem.build(grasp, np.zeros(6) if base is None else base, direction, limits=limits, mdp=mdp)
     return largest(p, settings, on_progress, interval=interval)
 
 
+def largest_along(
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, rest: StepAnswer | None = None
+) -> MaxAnswer:
+    """The answer at the end of the path of a built problem, whose load is the direction; rest: as of `path_end`."""
+    clock = clock_of(settings)
+    return _of_path(path_end(p, settings, on_progress, rest), clock)
+
+
 def _of_path(path: LoadPath, clock: SearchLimits) -> MaxAnswer:
     """The answer at the end of a path."""
-    lower, upper = path.reached or 0.0, INF if path.slips_at is None else path.slips_at
+    lower, upper = path.reached or 0.0, INF if path.upper is None else path.upper
     backing = path.backing(clock.seconds)
-    verdict = Verdict.HOLDS if lower > 0 else backing["verdict"] if upper < INF else Verdict.UNDECIDED
+    verdict = Verdict.HOLDS if lower > 0 else Verdict.SLIPS if upper == 0 else Verdict.UNDECIDED
     unbounded = upper == INF and backing["verdict"] is Verdict.HOLDS and lower > 0
     if not lower > 0:
         backing["found"] = None

@@ -13,12 +13,13 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.stability.answers.answer import Answer, finite
+from handfast.stability.answers.load_path import comes_after
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.objective import INF, Effort, Objective, SmallestCommands
 from handfast.stability.problem.scaled_problem import ScaledProblem
-from handfast.stability.problem.settings import OnStep, Settings
+from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.search.solve import clock_of, held_under, solve, without_end
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ def torques(
     objective: Effort = "max",
     actuators: Sequence[str] | None = None,
     limits: GraspLimits = NO_LIMITS,
+    loading: Loading = "together",
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
 ) -> TorquesAnswer:
@@ -76,18 +78,27 @@ def torques(
         actuators: whose commands are sought, each in the sense in which the grasp commands it, or else positive; by
             default those that the grasp commands now, or all.
             The others stay locked; backdrivable motors stay as the grasp commands them.
+        loading: "together" alone: nothing bounds the commands of a path from below. `hold` finds some that hold on it.
 
     The other arguments and errors are those of `check`.
 
     Raises:
         InputError: also for an unknown objective or actuator, and for a backdrivable one.
     """
+    refuse_path(loading)
     settings = settings or Settings()
     posed, names = posed_torques(grasp, wrench, objective, actuators, limits)
     clock = clock_of(settings)
     found = _search(grasp, posed.problem, posed.goal, settings, on_progress, clock)
     answer = shown_torques(posed, names, found)
     return answer.settled(clock.end) if settings.verify else answer
+
+
+def refuse_path(loading: str) -> None:
+    """`InputError` for loads that come after the commands."""
+    if comes_after(loading):
+        right = "hold finds a preload that holds on the path of each load"
+        raise InputError(f"nothing bounds the least commands of a path from below; {right}", field="loading")
 
 
 def posed_torques(

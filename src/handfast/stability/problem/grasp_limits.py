@@ -11,6 +11,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.model.grasp import Grasp
+from handfast.stability.problem.settings import Loading
 
 MAX_ETA = np.radians(45.0)
 
@@ -83,12 +84,19 @@ NO_LIMITS = GraspLimits()
 
 @dataclass(frozen=True)
 class Terms:
-    """With what numbers in a file were asked for: limits, mdp of `check`, and the relative gap of `Settings`."""
+    """With what numbers in a file were asked for: limits, mdp and loading of `check`, relative gap of `Settings`."""
 
     limits: GraspLimits = NO_LIMITS
     mdp: bool = True
     gap: float = 1e-3
+    loading: Loading = "together"
+
+    @property
+    def along_paths(self) -> bool:
+        """Do loads come after the commands?"""
+        return self.loading != "together"
 
     def to_json(self) -> dict[str, Any]:
         """As files of answers have it beside the grasp."""
-        return self.limits.to_json() | {"mdp": self.mdp, "gap": self.gap}
+        of_paths = {"loading": self.loading} if self.along_paths else {}
+        return self.limits.to_json() | {"mdp": self.mdp, "gap": self.gap} | of_paths

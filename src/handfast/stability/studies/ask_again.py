@@ -2,6 +2,8 @@
 
 A claim is one number or one verdict of a file. A lower bound is proved if that much is shown to be resisted, but for
 the gap with which the file was made; an upper bound if no more is; a verdict if it is the one that is proved again.
+Where loads come after the commands, the path is followed again, and its end may differ by as much as two paths may
+that are said to agree (`load_path.AGREE`).
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Replay
 from handfast.stability.answers import MaxAnswer, check, maximum
 from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.load_path import AGREE
 from handfast.stability.problem.bound_problem import grasp_data
 from handfast.stability.problem.grasp_limits import Terms
 from handfast.stability.problem.scaled_problem import unbalanced
@@ -104,12 +107,17 @@ class Claim(ABC):
     @property
     def gap(self) -> float:
         """Relative, of lower bounds."""
-        return min(self.terms.gap, LARGEST_GAP)
+        return AGREE if self.terms.along_paths else min(self.terms.gap, LARGEST_GAP)
+
+    def apart(self, rounding: float) -> float:
+        """Relative, by how much numbers that are asked again differ more than by a rounding."""
+        return AGREE if self.terms.along_paths else rounding
 
     def settled_by(self, query: Callable[..., A], load: Array, clock: Clock, **more: Any) -> tuple[A, Replay]:
         """The answer of a query to a load, with its replay."""
         gap = more.pop("gap", self.gap)
-        asked: dict[str, Any] = {"limits": self.terms.limits, "mdp": self.terms.mdp, "settings": clock.settings(gap)}
+        asked: dict[str, Any] = {"limits": self.terms.limits, "mdp": self.terms.mdp, "loading": self.terms.loading}
+        asked |= {"settings": clock.settings(gap)}
         answer = query(self.grasp, load, **asked, **more)
         return answer, answer.verify()
 
@@ -164,38 +172,38 @@ class BoundsClaim(Claim):
             return ()
         if unbalanced(self.grasp, self.load):
             return self._of_none(told)
-        if "upper" not in told and not self.unbounded:
+        along = self.terms.along_paths  # which is followed as it was, and by no other way
+        if "upper" not in told and not self.unbounded and not along:
             shown = self._held(told["lower"], clock)
             if shown is not None:
                 return (shown,)
-        left, gap, done = dict(told), self.gap, dict[str, Replay]()
+        left, gap, done = dict(told), self.terms.gap if along else self.gap, dict[str, Replay]()
         while left and clock.left > 0:
             answer, proof = self.settled_by(maximum, self.load, clock, gap=gap)
             for name, claim in left.items():
                 done[name] = self._judged(name, claim, answer, proof)
             left = {name: claim for name, claim in left.items() if done[name].open}
-            if answer.stop in ("time", "nodes", "interrupted") or gap <= FINEST_GAP:
+            if along or answer.stop in ("time", "nodes", "interrupted") or gap <= FINEST_GAP:
                 break
             gap = max(gap / 10, FINEST_GAP)
-        if "lower" in left and "upper" in told and not self.unbounded:
+        if "lower" in left and "upper" in told and not self.unbounded and not along:
             done["lower"] = self._held(told["lower"], clock) or done.get("lower", told["lower"])
         return tuple(done.get(name, replace(claim, undecided=NO_TIME)) for name, claim in told.items())
 
     def _told(self, which: str) -> Replay | None:
         """The claim in words; None if nothing is claimed."""
+        along = self.terms.along_paths
         if which == "lower":
             if self.unbounded:
                 return Replay(self.place, "the load is resisted however large it is")
-            return (
-                Replay(self.place, f"{self.lower:.6g} times the load is resisted, or more") if self.lower > 0 else None
-            )
+            what = "the load is reached on its path" if along else "the load is resisted"
+            return Replay(self.place, f"{self.lower:.6g} times {what}, or more") if self.lower > 0 else None
         if not self.upper < INF:
             return None
-        claim = (
-            f"nothing above {self.upper:.6g} times the load is resisted"
-            if self.upper > 0
-            else "no load along it is resisted"
-        )
+        claim = "no load along it is resisted"
+        if self.upper > 0:
+            more = "the path of the load ends below" if along else "nothing is resisted above"
+            claim = f"{more} {self.upper:.6g} times it"
         return Replay(self.upper_place, claim)
 
     def _of_none(self, told: dict[str, Replay]) -> tuple[Replay, ...]:
@@ -226,9 +234,9 @@ class BoundsClaim(Claim):
             answer = replace(answer, upper=INF)  # of motions that may be too small to count
         if name == "lower":
             return self._judged_lower(found, answer)
-        if answer.upper <= self.upper * (1 + ROUNDING):
+        if answer.upper <= self.upper * (1 + self.apart(ROUNDING)):
             return found
-        if answer.lower > self.upper * (1 + APART):
+        if answer.lower > self.upper * (1 + self.apart(APART)):
             more = f"is {self.upper:.9g}; asked again, {answer.lower:.9g} is resisted, which is proved"
             return replace(found, refused=more)
         if not np.isfinite(answer.upper) or answer.gap > 2 * FINEST_GAP:
@@ -240,7 +248,7 @@ class BoundsClaim(Claim):
         if self.unbounded and answer.unbounded:
             far = answer.lower >= self.lower * (1 - self.gap)
             return found if far else replace(found, refused=f"{self._said}; a search goes up to {answer.lower:.9g}")
-        if np.isfinite(answer.upper) and (self.unbounded or self.lower > answer.upper * (1 + APART)):
+        if np.isfinite(answer.upper) and (self.unbounded or self.lower > answer.upper * (1 + self.apart(APART))):
             nothing = f"nothing above {answer.upper:.9g}" if answer.upper > 0 else "nothing"
             return replace(found, refused=f"{self._said}; asked again, {nothing} is resisted, which is proved")
         if not self.unbounded and answer.lower >= self.lower * (1 - self.gap):

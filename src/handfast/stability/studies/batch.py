@@ -26,7 +26,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -36,24 +36,30 @@ from handfast.core.arrays import Array, Mask
 from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import MaxAnswer, check, torques
+from handfast.stability.answers import CheckAnswer, MaxAnswer, check, torques
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.batch_answer import INTERRUPTED, AnswerRows, BatchAnswer
-from handfast.stability.answers.max_query import Near, largest
+from handfast.stability.answers.check_query import check_along
+from handfast.stability.answers.load_path import LoadPath, comes_after
+from handfast.stability.answers.max_query import Near, largest, largest_along
+from handfast.stability.answers.torques_query import refuse_path
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.grasp_rows import GraspRows, shape_of
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Objective
-from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.scaled_problem import as_direction
+from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.search.reduced import Uneven
 from handfast.stability.studies.row_kernel import RowKernel
 
+A = TypeVar("A", bound=Answer)
 OnItem = Callable[[int, int], None]  # done, total
 Query = Literal["check", "max", "torques"]
 BLOCK = 125  # questions that are answered together: each begins with what those before it showed
 NEAREST = 3  # answered rows from whose states the search of a row begins
+FOLLOWED = 12  # loads that are followed on their paths together
 FEW = 3  # questions about one grasp up to which it is prepared together with the others of its shape
 FORK, FORK_ALONE = 500, 60  # questions from which on processes pay, of the kernel and of those that are asked alone
 
@@ -66,14 +72,18 @@ class BatchOptions:
         limits: as in `check`.
         settings: as in `check`; `settings.verify` says whether what slips is replayed by the checker.
         jobs: cores to use; None for all. Answers do not depend on it.
+        loading: as in `check`. On paths each load is followed by itself, from a state of the commands alone that is
+            found once for up to `FOLLOWED` loads.
     """
 
     limits: GraspLimits = NO_LIMITS
     settings: Settings = field(default_factory=Settings)
     jobs: int | None = None
+    loading: Loading = "together"
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
+        comes_after(self.loading)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,13 +97,24 @@ class RowQuestion(BatchOptions):
     objective: Effort = "max"
     actuators: Sequence[str] | None = None
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        comes_after(self.loading, self.mdp, interval=self.interval)
+        if self.query == "torques":
+            refuse_path(self.loading)
+
+    @property
+    def along_paths(self) -> bool:
+        """Do loads come after the commands?"""
+        return self.loading != "together"
+
     def of_rows(self) -> RowQuestion:
         """The same for searches with one thread each: cores are for rows."""
         return replace(self, settings=replace(self.settings, jobs=1))
 
     def together(self, grasp: Grasp) -> bool:
         """Are rows about a grasp for the kernel?"""
-        if self.answers or self.interval or self.query == "torques" or not self.mdp:
+        if self.answers or self.interval or self.query == "torques" or not self.mdp or self.along_paths:
             return False
         return self.query == "check" or bool(grasp.command.any()) or equivalent_of(grasp).is_given
 
@@ -123,7 +144,7 @@ def check_many(
         mdp: as in `check`.
         answers: keep whole answers, with witness and certificate; each is then asked by itself.
         on_progress: called with (done, total).
-        options: of `BatchOptions`, by name: `limits`, `settings`, `jobs`.
+        options: of `BatchOptions`, by name: `limits`, `settings`, `jobs`, `loading`.
 
     Returns:
         Arrays (n,) for one grasp, (g, n) for several. A row whose question is refused has the reason in `error`.
@@ -204,8 +225,9 @@ def _ask(
     field_ = "directions" if options.query == "max" else "wrenches"
     W = as_rows(wrenches, len(each), field_)
     B, options = as_base(base, W), options.of_rows()
+    after = comes_after(options.loading, base=base)
     (g, n), done = W.shape[:2], 0
-    pieces = _pieces(g, n, BLOCK)
+    pieces = _pieces(g, n, FOLLOWED if after else BLOCK)
     many = g * n > (FORK if all(map(options.together, each)) else FORK_ALONE)
     forked = parallel.START == "fork" and (many or options.answers or options.query == "torques")
     jobs = min(options.jobs or default_jobs(), max(len(pieces), 1))
@@ -347,13 +369,18 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
             held = np.flatnonzero(found.rows & (found.columns["lower"] > 0))
             near |= {int(rows[k]): (found.states.row(int(k)), float(found.columns["lower"][k])) for k in held}
     rows = np.flatnonzero(left).tolist()
-    for k, i in enumerate([*rows, *reversed(rows), *rows]):
+    kernel = kernel or RowKernel(options.limits)
+    for k, i in enumerate(rows if options.along_paths else [*rows, *reversed(rows), *rows]):
         again = k >= len(rows)
         if again and part["stop"][i] != Stop.NUMERICAL:
             continue
         start = time.monotonic()
+        answer: Answer
         try:
-            answer = _alone(grasp, part, i, options, _nearest(part.wrenches, i, near) if again else ())
+            if options.along_paths:
+                answer = _followed(grasp, part.wrenches[i], options, kernel)
+            else:
+                answer = _alone(grasp, part, i, options, _nearest(part.wrenches, i, near) if again else ())
         except InputError as error:
             part["error"][i] = str(error)
             continue
@@ -365,6 +392,23 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
             part["error"][left & (part["stop"] == "") & (part["error"] == "")] = INTERRUPTED
             break
     return part
+
+
+def along_path(follow: Callable[..., A], grasp: Grasp, w: Array, settings: Settings, kernel: RowKernel) -> A:
+    """The answer to a load (6,) that comes after the commands, by `check_along` or `largest_along`.
+
+    kernel: keeps the state of the commands alone; its limits are in force.
+    """
+    answer = follow(scaled_problem.build(grasp, w, limits=kernel.limits), settings, rest=kernel.rest)
+    assert isinstance(answer.path, LoadPath)
+    kernel.rest = answer.path.rest
+    return answer
+
+
+def _followed(grasp: Grasp, w: Array, options: RowQuestion, kernel: RowKernel) -> CheckAnswer | MaxAnswer:
+    if options.query == "check":
+        return along_path(check_along, grasp, w, options.settings, kernel)
+    return along_path(largest_along, grasp, as_direction(w), options.settings, kernel)
 
 
 def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:

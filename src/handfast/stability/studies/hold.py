@@ -5,7 +5,9 @@ orientation needs a single preload under which all of its loads are resisted, an
 resists two loads need not resist what lies between, and more squeezing may loosen. So shapes of the preload
 are proposed and each is scaled to the smallest level that holds; every load is then decided by `check` alone.
 The lower bound is that of the hardest load, certified by `torques`; between it and the level found may lie a
-preload of a shape that nobody proposed. How much more of each load the preload resists is asked of `maximum`.
+preload of a shape that nobody proposed. Where the loads come after the commands, shapes and levels are found in the
+same way, and every load is followed on its path; least commands of loads and commands together bound nothing there.
+How much more of each load the preload resists is asked of `maximum`.
 """
 
 from __future__ import annotations
@@ -28,13 +30,17 @@ from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.answers.answer import Answer, finite
+from handfast.stability.answers.check_query import check_along
+from handfast.stability.answers.load_path import comes_after
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.scaled_problem import unbalanced
-from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.search.solve import LEAST, compiled
+from handfast.stability.studies.batch import along_path
 from handfast.stability.studies.margin_search import OnSample
+from handfast.stability.studies.row_kernel import RowKernel
 
 A = TypeVar("A", bound=Answer)
 STRONG = 10.0  # times the largest load: a moderate command
@@ -62,7 +68,7 @@ class HoldAnswer(Presented):
         bounding: name and answer of the load whose least commands are `lower`; None where nothing is behind it.
         grasp, command_limit: as asked.
         actuators: whose commands were sought.
-        limits: as asked.
+        limits, loading: as asked.
         margins: how much of each load is resisted under `preload`; empty where that was not asked, none of a load of 0.
     """
 
@@ -82,6 +88,7 @@ class HoldAnswer(Presented):
     command_limit: float = field(default=np.inf, repr=False)
     actuators: tuple[str, ...] = field(default=(), repr=False)
     limits: GraspLimits = field(default=NO_LIMITS, repr=False)
+    loading: Loading = field(default="together", repr=False)
     margins: Mapping[str, MaxAnswer] = field(default_factory=dict, repr=False)
 
     def verify(self) -> Replay:
@@ -97,7 +104,7 @@ class HoldAnswer(Presented):
         if self.grasp is None:
             raise InputError("does not know its grasp; save what `hold` returned", field="answer")
         asked = {"loads": self.loads.by_name, "actuators": list(self.actuators)}
-        asked |= self.limits.to_json()
+        asked |= self.limits.to_json() | self._of_path
         checks = zip(self.loads.names, self.checks, strict=False)
         return {
             "schema": holds.SCHEMA,
@@ -111,6 +118,10 @@ class HoldAnswer(Presented):
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a `handfast/hold/1` file. `InputError` if it exists and `force` is not set, or cannot be written."""
         write_text(path, json.dumps(self.to_file(), allow_nan=False) + "\n", force=force)
+
+    @property
+    def _of_path(self) -> dict[str, Any]:
+        return {"loading": self.loading} if self.loading != "together" else {}
 
     @property
     def margin(self) -> float | None:
@@ -155,6 +166,7 @@ class HoldAnswer(Presented):
                 "residuals": [a.state_json()["residual"] for a in self.checks],
             }
             | (holds.margins_json(self._bounds) if self.margins else {})
+            | self._of_path
         )
 
 
@@ -175,6 +187,8 @@ class HoldOptions:
         margins: find how much of each load is resisted under the preload, with `maximum`: `HoldAnswer.margins`.
         command_limit: largest command allowed [N m or N]; see `moderate`.
         limits: as in `check`.
+        loading: as in `check`; with "preload-first" each load is followed on its path, and `lower` is 0: nothing bounds
+            the commands from below.
         settings: of each query, as in `check`; its `timeout` is that of a single one.
         bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
             lower bound is claimed, and only what says that there is no preload is asked again with its proof.
@@ -188,6 +202,7 @@ class HoldOptions:
     margins: bool = False
     command_limit: float | None = None
     limits: GraspLimits = NO_LIMITS
+    loading: Loading = "together"
     settings: Settings = field(default_factory=Settings)
     bounding: Settings | None = None
     timeout: float | None = None
@@ -195,6 +210,7 @@ class HoldOptions:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
+        comes_after(self.loading)
 
 
 @kinds_checked
@@ -243,6 +259,9 @@ class _HoldSearch:
         self.names = tuple(asked.actuators or grasp.sought_actuators)
         self.known = {} if asked.least else asked.known
         self.settings, self.bounds, self.limits = asked.settings, asked.bounding or asked.settings, asked.limits
+        self.loading, self.along = asked.loading, comes_after(asked.loading)
+        if self.along:
+            self.bounds = replace(self.bounds, verify=False)
         self.tried: set[tuple[tuple[str, float], ...]] = set()
         self.nodes = 0
         self.lower, self.most = 0.0, np.inf if asked.command_limit is None else asked.command_limit
@@ -361,7 +380,8 @@ class _HoldSearch:
         self.say(f"level of a preload for {self.loads.names[k]}")
         settings = replace(self.within(self.settings, HARD), gap=1e-2, verify=False)
         grasp, exact = self.grasp.with_commands(preload), GraspLimits(self.limits.eta)
-        a = self.counted(maximum(grasp, self.loads.wrenches[k], limits=exact, settings=settings))
+        asked: dict[str, Any] = {"limits": exact, "settings": settings, "loading": self.loading}
+        a = self.counted(maximum(grasp, self.loads.wrenches[k], **asked))
         if not a.lower > 0:
             self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
         return a.lower
@@ -370,13 +390,17 @@ class _HoldSearch:
         """The answers to all loads under a preload, in order; () as soon as one is not resisted."""
         grasp = self.grasp.with_commands(preload)
         found: dict[int, CheckAnswer] = {}
+        kernel = RowKernel(self.limits)
         for k in self.order[:]:
             if self.late():
                 return ()
             self.say(f"{self.loads.names[k]} under a preload")
             # what slips is tried differently, so that its proof is not needed
             settings = replace(self.within(self.settings, HARD), verify=False)
-            a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, limits=self.limits))
+            if self.along:
+                a = self.counted(along_path(check_along, grasp, self.loads.wrenches[k], settings, kernel))
+            else:
+                a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, limits=self.limits))
             if a.verdict is not Verdict.HOLDS:
                 self.first(k, a.stop)
                 return ()
@@ -384,7 +408,9 @@ class _HoldSearch:
         return tuple(found[k] for k in range(len(self.loads)))
 
     def refutes(self, a: TorquesAnswer) -> bool:
-        """Does an answer about a load alone say that there is no preload?"""
+        """Does an answer about a load alone say that there is no preload? None says so of a path."""
+        if self.along:
+            return False
         return a.verdict is Verdict.SLIPS or a.lower > self.most
 
     def torques(self, k: int, settings: Settings, share: float) -> TorquesAnswer:
@@ -400,12 +426,13 @@ class _HoldSearch:
     def with_margins(self, answer: HoldAnswer) -> HoldAnswer:
         """An answer that holds, with how much of each load is resisted; what there is no time for is left open."""
         grasp, found, stop = self.grasp.with_commands(answer.preload or {}), {}, answer.stop
-        asked = [(name, w) for name, w in zip(self.loads.names, self.loads.wrenches, strict=True) if w.any()]
+        loads = [(name, w) for name, w in zip(self.loads.names, self.loads.wrenches, strict=True) if w.any()]
         try:
-            for k, (name, w) in enumerate(asked):
+            for k, (name, w) in enumerate(loads):
                 self.say(f"margin of {name}")
-                settings = self.within(self.settings, 1 / (len(asked) - k))
-                found[name] = self.counted(maximum(grasp, w, settings=settings, limits=self.limits))
+                settings = self.within(self.settings, 1 / (len(loads) - k))
+                asked: dict[str, Any] = {"settings": settings, "limits": self.limits, "loading": self.loading}
+                found[name] = self.counted(maximum(grasp, w, **asked))
         except KeyboardInterrupt:
             stop = Stop.INTERRUPTED
         return replace(answer, margins=found, nodes=self.nodes, stop=stop)
@@ -462,4 +489,5 @@ class _HoldSearch:
             command_limit=self.most,
             actuators=self.names,
             limits=self.limits,
+            loading=self.loading,
         )

@@ -241,7 +241,7 @@ def force_map(
         steps: number of directions, evenly spaced.
         interval: show which smaller forces are resisted, too, in every direction; it takes many times as long.
         on_progress: called with (done, total).
-        options: of `BatchOptions`, by name: `limits`, `settings`, `jobs`. No proof is replayed.
+        options: of `BatchOptions`, by name: `limits`, `settings`, `jobs`, `loading`. No proof is replayed.
 
     Ctrl-C returns what was reached.
 
@@ -269,7 +269,7 @@ def force_map(
         seconds=time.monotonic() - start,
         nodes=int(answers.nodes.sum()),
         at=point,
-        terms=Terms(asked.limits, gap=asked.settings.gap),
+        terms=Terms(asked.limits, gap=asked.settings.gap, loading=asked.loading),
     )
 
 
@@ -332,5 +332,5 @@ def sweep(
         curves=tuple(Curve.of_rows(answers, (slice(None), k)) for k in range(len(d))),
         seconds=time.monotonic() - start,
         nodes=int(answers.nodes.sum()),
-        terms=Terms(asked.limits, gap=asked.settings.gap),
+        terms=Terms(asked.limits, gap=asked.settings.gap, loading=asked.loading),
     )

@@ -21,18 +21,20 @@ from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.answers.batch_answer import AnswerRows, BatchAnswer
-from handfast.stability.answers.check_query import is_table
+from handfast.stability.answers.check_query import check_along, is_table
+from handfast.stability.answers.load_path import comes_after
+from handfast.stability.answers.max_query import largest_along
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import ANY_STATE, Effort
-from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search.proof import Proof
 from handfast.stability.studies import hold as holding
 from handfast.stability.studies import maps
-from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as_base, as_rows
+from handfast.stability.studies.batch import Query, RowQuestion, along_path, answer_rows, as_base, as_rows
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.maps import MapAnswer, Plane
 from handfast.stability.studies.row_kernel import RowKernel
@@ -52,12 +54,19 @@ class PreparedGrasp:
 
     Attributes:
         grasp: with the preload in force; see `preload`.
-        limits: of every question. settings: of the searches.
+        limits: of every question. settings: of the searches. loading: do loads come with the commands, or after them?
     """
 
-    def __init__(self, grasp: Grasp, limits: GraspLimits = NO_LIMITS, settings: Settings | None = None) -> None:
+    def __init__(
+        self,
+        grasp: Grasp,
+        limits: GraspLimits = NO_LIMITS,
+        settings: Settings | None = None,
+        loading: Loading = "together",
+    ) -> None:
         limits.check_backdrivable(grasp)
-        self.grasp, self.limits, self.settings = grasp, limits, settings or Settings()
+        comes_after(loading)
+        self.grasp, self.limits, self.settings, self.loading = grasp, limits, settings or Settings(), loading
         self._kernel = RowKernel(limits)
         self._slipped: Proof | None = None  # of the last load that was searched for
 
@@ -87,6 +96,8 @@ class PreparedGrasp:
         """
         if is_table(wrench):
             return self._rows("check", wrench, "wrenches")
+        if self.loading != "together":
+            return along_path(check_along, self.grasp, scaled_problem.as_wrench(wrench), self.settings, self._kernel)
         start = time.perf_counter()
         w = scaled_problem.as_wrench(wrench)
         backing: dict[str, Any] = {"verified": True}
@@ -127,6 +138,9 @@ class PreparedGrasp:
         if is_table(direction):
             return self._rows("max", direction, "directions", base=base, interval=interval)
         asked: dict[str, Any] = {"base": base, "interval": interval}
+        if comes_after(self.loading, **asked):
+            d = scaled_problem.as_direction(direction)
+            return along_path(largest_along, self.grasp, d, self.settings, self._kernel)
         return maximum(self.grasp, direction, limits=self.limits, settings=self.settings, **asked)
 
     @overload
@@ -144,19 +158,23 @@ class PreparedGrasp:
         asked: dict[str, Any] = {"objective": objective, "actuators": actuators}
         if is_table(wrench):
             return self._rows("torques", wrench, "wrenches", **asked)
-        return torques(self.grasp, wrench, limits=self.limits, settings=self.settings, **asked)
+        return torques(self.grasp, wrench, **self._options, **asked)
 
     def hold(self, loads: Loads, **how: Any) -> HoldAnswer:
         """One preload for all of the loads; how: see `handfast.hold`."""
-        return holding.hold(self.grasp, loads, limits=self.limits, settings=self.settings, **how)
+        return holding.hold(self.grasp, loads, **self._options, **how)
 
     def map(self, plane: Plane = "xy", **how: Any) -> MapAnswer:
         """The largest resisted force in every direction of a plane; how: see `handfast.force_map`."""
-        return maps.force_map(self.grasp, plane, limits=self.limits, settings=self.settings, **how)
+        return maps.force_map(self.grasp, plane, **self._options, **how)
+
+    @property
+    def _options(self) -> dict[str, Any]:
+        return {"limits": self.limits, "settings": self.settings, "loading": self.loading}
 
     def _rows(self, query: Query, wrenches: Any, field: str, *, base: Any = None, **options: Any) -> BatchAnswer:
-        W = as_rows(wrenches, 1, field)
-        asked = RowQuestion(query=query, limits=self.limits, settings=self.settings, **options).of_rows()
+        W, asked = as_rows(wrenches, 1, field), RowQuestion(query=query, **self._options, **options).of_rows()
+        comes_after(self.loading, base=base)
         part = answer_rows(self.grasp, AnswerRows(W[0], as_base(base, W)[0]), asked, self._kernel)
         return BatchAnswer.of(query, W[0], [part], interval=asked.interval)
 
@@ -168,6 +186,7 @@ def prepare(
     preload: Mapping[str, float] | Array | None = None,
     limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
+    loading: Loading = "together",
 ) -> PreparedGrasp:
     """A grasp to be asked again and again, as in a controller: `prepared.check(wrench)`.
 
@@ -175,8 +194,9 @@ def prepare(
         preload: commands in force; those of the grasp by default. `PreparedGrasp.preload` changes them.
         limits: as in `check`.
         settings: as in `check`.
+        loading: as in `check`; on paths the state of the commands alone is found once, for all loads.
 
     Raises:
         InputError: see `check`.
     """
-    return PreparedGrasp(grasp if preload is None else grasp.with_preload(preload), limits, settings)
+    return PreparedGrasp(grasp if preload is None else grasp.with_preload(preload), limits, settings, loading)

@@ -12,6 +12,7 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
+from handfast.proofs import path_steps
 from handfast.proofs.answers import STOPS, VERDICTS
 from handfast.proofs.fields import SAME, BadFile, Fields, number, numbers
 from handfast.proofs.question import MAX_ETA
@@ -77,11 +78,13 @@ def read_question(f: Fields) -> tuple[Grasp, Terms]:
     eta, mdp, gap = f.number("eta", least=0.0), f.flag("mdp"), f.number("gap", least=0.0)
     limits = f.named("torque_limits")
     force = f.number("force_limit", least=0.0) if f.has("force_limit") else None
-    f.take("force_limit", None)
+    loading: Any = f.text("loading", among=[path_steps.LOADING]) if f.has("loading") else "together"
+    for name in ("force_limit", "loading"):
+        f.take(name, None)
     f.done()
     if not (eta < MAX_ETA and 0 < gap < INF):
         raise BadFile("has an eta beyond 45 degrees, or a gap that is not above 0", f.place)
-    return grasp, Terms(GraspLimits(eta, limits, force), mdp, gap)
+    return grasp, Terms(GraspLimits(eta, limits, force), mdp, gap, loading)
 
 
 def grasp_of(f: Fields, name: str = "grasp") -> Grasp:
