@@ -28,8 +28,10 @@ from handfast.planning.search import Journal, Pair, Rejected, RejectionReason, T
 from handfast.proofs.unbalanced import down, up
 
 if TYPE_CHECKING:
+    from handfast.planning.joined_search import JoinedSearched
     from handfast.planning.no_balance import BalanceSearched
     from handfast.planning.results.grasps import Grasps
+    from handfast.synthesis.task import Task
 
 
 @dataclass(kw_only=True)
@@ -181,6 +183,8 @@ def sentence(answer: Grasps) -> str:
     if answer.balance and answer.balance.shown:
         why = no_balance_text(answer.balance, answer.requirements)
         return f"{why}, wherever in their regions the contacts are. Proved {seconds}."
+    if answer.joined and answer.joined.shown:
+        return f"No configuration is a grasp: {answer.joined.words}. Proved {seconds}."
     if answer.verdict is Reach.NONE:
         return f"The hand cannot bring the regions together: every part of the space was discarded {seconds}."
     if not n:
@@ -238,6 +242,18 @@ def balance_text(searched: BalanceSearched) -> str:
     return f"{share}; neither that nor a placement where they do was shown in {left}, of which the largest is {where}"
 
 
+def joined_text(searched: JoinedSearched, task: Task) -> str:
+    """How far the proof has come that every configuration is discarded, and what stands in its way."""
+    links = ", ".join(task.contact_pairs[k].link for k in searched.contacts)
+    done = f"{100 * searched.discarded:.3g} % of the configurations of {links} are discarded"
+    if searched.stuck:
+        return f"{done}; no reason discards one of them"
+    if searched.open is None:
+        return done
+    where = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in searched.open.items())
+    return f"{done}; {searched.pending} boxes are left, of which the largest is {where}"
+
+
 def loads_text(answer: Grasps) -> str:
     """What is held."""
     names = answer.loads.names
@@ -283,3 +299,5 @@ def _show_tally(out: Console, answer: Grasps) -> None:
         out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
     if answer.balance and answer.verdict is Reach.UNDECIDED:
         out.print(balance_text(answer.balance), style="dim")
+    if answer.joined and answer.verdict is Reach.UNDECIDED:
+        out.print(joined_text(answer.joined, answer.task), style="dim")

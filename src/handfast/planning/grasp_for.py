@@ -3,7 +3,9 @@
 Certified random starts are evaluated as grasps; the most promising are improved along the set of certified
 configurations until nothing penetrates, friction forces can balance every load, and `hold` finds a preload that resists
 them all. What is returned is decided by the proofs alone: existence by Krawczyk boxes, every load by a witness of the
-exact model. That nothing was found proves nothing, except where synthesis answers NONE.
+exact model. That nothing was found proves nothing, except where synthesis answers NONE, or one of the two searches
+for a proof that there is no grasp (`no_balance`, `joined_search`): these take a share of the time in which nothing is
+found.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from handfast.model.body import Body
 from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
 from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, Improved, LocalSearch, Strength
 from handfast.planning.filters.balance import friction_margin
+from handfast.planning.joined_search import JoinedSearch
 from handfast.planning.load_bound import LoadBound
 from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import Requirements, TaskGraspOptions, fingerprint, link_pairs, refuse_another
@@ -56,6 +59,7 @@ BOUND_FIRST = 0.25  # of all the time, before any configuration is sought, for a
 BOUND_SHARE = 0.5  # of the time of the search, for the bound of what any placement holds, where the best is asked for
 CLOSED = 1.01  # a bound over what the best grasp holds: near enough to end the search
 BALANCE_SHARE = 0.2  # of the time in which nothing is found, for the proof that no forces balance the loads
+JOINED_SHARE = 0.3  # .. for the proof that every configuration is discarded for some reason
 Searched = TypeVar("Searched", NoBalance, LoadBound)
 DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
 FRUITLESS = 4  # units without any certified start after which synthesis is asked whether there is one
@@ -173,6 +177,7 @@ class _TaskSearch:
         self.synthesis: Synthesis | None = None
         self.balance = self.proof_of_none()
         self.bound: LoadBound | None = None
+        self.joined: JoinedSearch | None = None
         self.begin, self.spent = time.monotonic(), 0.0
 
     @property
@@ -229,6 +234,11 @@ class _TaskSearch:
                     setattr(self, name, made(saved))
             except InputError as fault:
                 raise fault.within(name) from None
+        if earlier.joined is not None:
+            try:
+                self.joined = self.joined_proof(earlier.joined)
+            except InputError as fault:
+                raise fault.within("joined") from None
         kept = []
         for i, found in enumerate(earlier.found):
             proof = found.proof(self.evaluator.task, f"found[{i}]")
@@ -259,6 +269,11 @@ class _TaskSearch:
         how: dict[str, Any] = {"center": center, "force_limits": self.work.force_limits, "seed": self.work.seed}
         return kind(e.task, e.loads, r.friction, **how, saved=saved)
 
+    def joined_proof(self, saved: Any = None) -> JoinedSearch:
+        """The search for a proof with several reasons, from where an earlier one was."""
+        e = self.evaluator
+        return JoinedSearch(e.task, e.collisions, e.allowed, self.balance, saved=saved)
+
     def search(self, pool: Workers[LocalSearch]) -> Stop:
         """Units in order until there are enough, or it is shown that there are none, or the time is over."""
         if self.enough:
@@ -283,10 +298,13 @@ class _TaskSearch:
                 if self.bounded(sys.maxsize, BOUND_SHARE * (now - begin)):
                     return Stop.COMPLETE
                 begin = time.monotonic()
-            elif not self.gathered.kept and not self.balance.over:
+            elif not self.gathered.kept:
                 self.balance.run(sys.maxsize, min(self.work.end, now + BALANCE_SHARE * (now - begin)))
+                self.joined = self.joined or self.joined_proof()
+                spent, here = now - begin, time.monotonic()
+                self.joined.run(sys.maxsize, min(self.work.end, here + JOINED_SHARE * spent))
                 begin = time.monotonic()
-                if self.balance.shown:
+                if self.balance.shown or self.joined.shown:
                     return Stop.COMPLETE
             if not self.gathered.tally.total and self.units == FRUITLESS:
                 self.synthesis = self.possible()
@@ -351,8 +369,11 @@ class _TaskSearch:
     def answer(self, stop: Stop) -> Grasps:
         """What is known so far."""
         balance, bound = None if self.grasps else self.balance.searched, self.bound.bound if self.bound else None
-        none = self.balance.shown or (self.synthesis is not None and self.synthesis.verdict is Reach.NONE)
+        joined = None if self.grasps or self.joined is None else self.joined.searched
+        none = self.balance.shown or (joined is not None and joined.shown)
+        none = none or (self.synthesis is not None and self.synthesis.verdict is Reach.NONE)
         going_on = None if self.grasps or self.balance.over else self.balance.to_json()
+        trees = None if self.grasps or self.joined is None or self.joined.over else self.joined.to_json()
         seconds = self.spent + time.monotonic() - self.begin
         found = [self.remembered(f) for f in self.gathered.kept if f.answer]
         return Grasps(
@@ -371,9 +392,16 @@ class _TaskSearch:
             self.unproved,
             self.synthesis,
             balance=balance,
+            joined=joined,
             requirements=self.work.requirements,
             search=self.done.model_copy(
-                update={"found": found, "seconds": seconds, "balance": going_on, "bound": bound and bound.proof}
+                update={
+                    "found": found,
+                    "seconds": seconds,
+                    "balance": going_on,
+                    "bound": bound and bound.proof,
+                    "joined": trees,
+                }
             ),
             bound=bound,
         )

@@ -29,7 +29,7 @@ from handfast.planning.no_balance import (
     NoBalance,
 )
 from handfast.proofs.fields import Integers
-from handfast.proofs.unbalanced import MANY, halves
+from handfast.proofs.unbalanced import MANY, Motions, halves
 from handfast.stability.answers.answer import finite
 
 ROUNDING = 1 + 1e-9  # on the bound, over that of the leaves' factors
@@ -195,4 +195,4 @@ class LoadBound(NoBalance):
                 guess[load], twist = load_factor(p, normals, wide, limits, loads[load], EDGES)
                 if guess[load] < least:
                     least, weights[n], twists[n] = guess[load], np.eye(len(loads))[load], twist
-        return self._added(weights, np.full((len(guesses), 2), NO_MOTION), twists)
+        return self.add_motions(Motions(weights, np.full((len(guesses), 2), NO_MOTION), twists))

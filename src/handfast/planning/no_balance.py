@@ -283,11 +283,12 @@ class NoBalance:
 
     # --- candidates ---
 
-    def _added(self, weights: Array, line: Array, twist: Array) -> Integers:
+    def add_motions(self, new: Motions) -> Integers:
         """More motions; returns their numbers."""
         first, m = len(self.motions), self.motions
-        self.motions = Motions(np.vstack([m.weights, weights]), np.vstack([m.line, line]), np.vstack([m.twist, twist]))
-        return first + np.arange(len(weights))
+        weights, line = np.vstack([m.weights, new.weights]), np.vstack([m.line, new.line])
+        self.motions = Motions(weights, line, np.vstack([m.twist, new.twist]))
+        return first + np.arange(len(new))
 
     def _lines(self, corners: Corners, its: Integers) -> Integers:
         """Turning about the line through two contacts, where that does most work on a load."""
@@ -311,7 +312,7 @@ class NoBalance:
         out, some = np.full(len(its), NO_MOTION), chosen[:, 0] != NO_MOTION
         shares = (weights / np.maximum(weights.max(axis=1, keepdims=True), TINY)).round(1)
         kinds, which = np.unique(np.hstack([chosen, shares])[some], axis=0, return_inverse=True)
-        numbers = self._added(kinds[:, 2:], kinds[:, :2].astype(np.int64), np.zeros((len(kinds), 6)))
+        numbers = self.add_motions(Motions(kinds[:, 2:], kinds[:, :2].astype(np.int64), np.zeros((len(kinds), 6))))
         out[some] = numbers[which.ravel()]
         return out
 
@@ -326,7 +327,8 @@ class NoBalance:
                 z = self._separating(contacts, self.placements.loads[load], center, size)
                 if np.linalg.norm(z) > NOTHING:
                     twist = np.r_[z[:3] - np.cross(z[3:] / size, center), z[3:] / size]
-                    (out[n],) = self._added(np.eye(len(order))[[load]], np.array([[NO_MOTION] * 2]), twist[None])
+                    new = Motions(np.eye(len(order))[[load]], np.array([[NO_MOTION] * 2]), twist[None])
+                    (out[n],) = self.add_motions(new)
                     break
         return out
 

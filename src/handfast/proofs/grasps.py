@@ -4,8 +4,9 @@ Of each grasp: an exact configuration exists in which hand and object touch as t
 held under its one preload. That contacts, joints and mechanism of the grasp are those of the hand at that configuration
 is geometry: `handfast verify` works it out anew.
 
-Or that there is none: no contact forces balance the loads, wherever on the object the contacts are (`unbalanced`). A
-grasp may hold its loads so many times (`strength`), and no placement of the contacts more than so many times (`bound`).
+Or that there is none: no contact forces balance the loads, wherever on the object the contacts are (`unbalanced`), or
+every configuration of some contacts is discarded, for several reasons together (`discarded_boxes`). A grasp may hold
+its loads so many times (`strength`), and no placement of the contacts more than so many times (`bound`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from handfast.proofs import answers
 from handfast.proofs.configurations import check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.contact_force_limits import Motors, contact_force_limits
+from handfast.proofs.convex_solids import SolidsData
+from handfast.proofs.discarded_boxes import replay_no_grasp
 from handfast.proofs.existence import prove
 from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
@@ -29,9 +32,10 @@ from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
 from handfast.proofs.synthesis import COURSE, NAMES
 from handfast.proofs.tasks import TaskData, read_task
-from handfast.proofs.unbalanced import replay_unbalanced
+from handfast.proofs.unbalanced import Placements, replay_unbalanced
 
 SCHEMA = "handfast/grasps/1"
+SOLIDS = "that the solids are those of hand and object"
 NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
 
 
@@ -42,6 +46,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     task, driven, asked = read_task(f.take("task")), f.take("motors"), f.object("question")
     names = [actuator.text("name") for actuator in Fields(driven, f.at("motors")).objects("actuators")]
     loads, center = _read_loads(asked.object("loads"), asked.object("object"))
+    solids = asked.object("solids") if asked.has("solids") else None
     terms = _Terms(asked, names)
     answer, entries = f.object("answer"), list(f.objects("grasps"))
     verdict, said = answer.text("verdict", among=("found", "none", "undecided")), answer.take("loads")
@@ -67,11 +72,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     if none is not None and refused:
         return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
     if none is not None:
-        if none.has("fewest_contacts"):
-            part = replay_of_loads(len(task.on_object), loads, terms.friction, none)
-        else:
-            part = replay_unbalanced(task.on_object, loads, terms.friction, limits, center, none)
-        return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
+        return _none(none, task, (terms.friction, limits), loads, center, solids)
     try:
         equations = ContactEquations.of(task)
     except Refused as fault:
@@ -85,6 +86,34 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
         part = replay_unbalanced(task.on_object, loads, terms.friction, limits, None, bound, factor)
         parts.append(replace(part, name="bound"))
     return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
+
+
+def _none(
+    f: Fields,
+    task: TaskData,
+    forces: tuple[float, Array],
+    loads: Mapping[str, Array],
+    center: Array | None,
+    solids: Fields | None,
+) -> Replay:
+    """The claim that there is no grasp.
+
+    Args:
+        forces: friction at the contacts, and (K,) [N] limits of their normal forces.
+        solids: of hand and object, where the claim needs them.
+    """
+    if f.has("fewest_contacts"):
+        part = replay_of_loads(len(task.on_object), loads, forces[0], f)
+        return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
+    if not f.has("contacts"):
+        part = replay_unbalanced(task.on_object, loads, *forces, center, f)
+        return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
+    if solids is None:
+        raise BadFile("is missing", "question.solids")
+    placements = Placements.of(task.on_object, np.array(list(loads.values())), *forces)
+    shapes = SolidsData.read(solids, [link.name for link in task.hand.links])
+    part = replay_no_grasp(task, shapes, placements, list(loads), f)
+    return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES, SOLIDS))
 
 
 def _same_loads(said: Any, loads: Mapping[str, Array]) -> bool:

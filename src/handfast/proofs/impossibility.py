@@ -221,7 +221,8 @@ class Conditions:
         """Which of boxes (N, n, 2) may hold a configuration; where in them; what each side changes (N, n, C)."""
         rows = self.at(box)
         slope = Interval(rows.value.slope.ends.swapaxes(0, 1))  # (N, n, C)
-        alive, kept, reach = narrowed_by(box, rows.at, rows.value.value, rows.middle, slope, rows.tolerance)
+        within = Interval.between(-rows.tolerance, rows.tolerance)
+        alive, kept, reach = narrowed_by(box, rows.at, rows.value.value, rows.middle, slope, within)
         alive &= rows.possible
         kept = np.where(alive[:, None, None], kept, box)
         C, T, S = (index.shape[1] for index in (self.two, self.directed, self.line))
@@ -240,9 +241,9 @@ def whole(task: TaskData, sides: Sides) -> Array:
 
 
 def narrowed_by(
-    box: Array, at: Array, value: Interval, middle: Interval, slope: Interval, tolerance: Array
+    box: Array, at: Array, value: Interval, middle: Interval, slope: Interval, within: Interval
 ) -> tuple[Mask, Array, Array]:
-    """Boxes (N, n, 2) where C rows are between -tolerance and tolerance, (N, C): which may be, and where in them.
+    """Boxes (N, n, 2) where C rows are within bounds (N, C), which may be infinite: which may be, and where in them.
 
     And what each side changes of each row, (N, n, C).
 
@@ -256,10 +257,10 @@ def narrowed_by(
     loss = (by.mag.sum(axis=1) * ((box.shape[1] + 4) * ULP) + TINY)[..., None]
     linear = middle + Interval(total + loss)
     low, high = np.fmax(value.lo, linear.lo), np.fmin(value.hi, linear.hi)
-    alive = ~((low > tolerance) | (high < -tolerance)).any(axis=1)
+    alive = ~((low > within.hi) | (high < within.lo)).any(axis=1)
     # what a row leaves of a side when the others may be anything in the box
     rest = Interval((total + loss)[:, None] - by.ends)
-    left = ((Interval.between(-tolerance, tolerance) - middle)[:, None] - rest) / slope  # (N, n, C)
+    left = ((within - middle)[:, None] - rest) / slope  # (N, n, C)
     new = left + at[..., None]
     lower = np.fmax(box[..., 0], np.fmax.reduce(new.lo, axis=2))
     upper = np.fmin(box[..., 1], np.fmin.reduce(new.hi, axis=2))

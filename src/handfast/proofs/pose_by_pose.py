@@ -215,7 +215,7 @@ class _Contact:
         slope = join([slope, (slope * factors[:, None]).sum()[..., None], turning], -1)
         tolerance = np.zeros(value.shape)
         tolerance[:, -1] = 1.0 - self.facing + ROUNDING
-        alive, kept, reach = narrowed_by(box, middle, value, here, slope, tolerance)
+        alive, kept, reach = narrowed_by(box, middle, value, here, slope, Interval.between(-tolerance, tolerance))
         inside = self.bounds.values(at)
         alive &= ~((inside.lo > self.bounds.upper) | (inside.hi < self.bounds.lower)).any(axis=1)
         alive &= (box[..., 0] <= box[..., 1]).all(axis=1)

@@ -62,6 +62,29 @@ class Motions:
     def __len__(self) -> int:
         return len(self.weights)
 
+    @classmethod
+    def read(cls, f: Fields, names: Sequence[str], contacts: int) -> Motions:
+        """From the field `motions`; `BadFile` for what cannot be one of such loads and contacts."""
+        weights, line, twist = [], [], []
+        for motion in f.objects("motions"):
+            weighed = motion.named("loads")
+            for name, x in weighed.items():
+                refuse_unknown(name, names, "load", motion.at("loads"))
+                if x < 0:
+                    raise BadFile(f"is {x:g}; 0 or more is needed", f"{motion.at('loads')}.{name}")
+            both = motion.has("line"), motion.has("twist")
+            if both[0] == both[1]:
+                raise BadFile("needs either a line or a twist", motion.place)
+            pair = motion.numbers("line", (2,)).astype(np.int64).tolist() if both[0] else [-1, -1]
+            if both[0] and not (set(pair) <= {*range(contacts)} and pair[0] != pair[1]):
+                raise BadFile(f"is {pair}; two of the contacts 0 to {contacts - 1} are needed", motion.at("line"))
+            weights.append([weighed.get(name, 0.0) for name in names])
+            line.append(pair)
+            twist.append(motion.numbers("twist", (6,)).tolist() if both[1] else [0.0] * 6)
+            motion.done()
+        pairs = np.array(line, dtype=np.int64).reshape(-1, 2)
+        return cls(np.array(weights).reshape(-1, len(names)), pairs, np.array(twist).reshape(-1, 6))
+
     def to_json(self, names: Sequence[str]) -> list[dict[str, Any]]:
         """Each with the weights of its loads, by name."""
         return [
@@ -349,33 +372,15 @@ class UnbalancedTree:
     @classmethod
     def read(cls, f: Fields, names: Sequence[str], contacts: int) -> UnbalancedTree:
         """As it stands in a file; `BadFile` for what cannot be one of such loads and contacts."""
-        weights, line, twist = [], [], []
-        for motion in f.objects("motions"):
-            weighed = motion.named("loads")
-            for name, x in weighed.items():
-                refuse_unknown(name, names, "load", motion.at("loads"))
-                if x < 0:
-                    raise BadFile(f"is {x:g}; 0 or more is needed", f"{motion.at('loads')}.{name}")
-            both = motion.has("line"), motion.has("twist")
-            if both[0] == both[1]:
-                raise BadFile("needs either a line or a twist", motion.place)
-            pair = motion.numbers("line", (2,)).astype(np.int64).tolist() if both[0] else [-1, -1]
-            if both[0] and not (set(pair) <= {*range(contacts)} and pair[0] != pair[1]):
-                raise BadFile(f"is {pair}; two of the contacts 0 to {contacts - 1} are needed", motion.at("line"))
-            weights.append([weighed.get(name, 0.0) for name in names])
-            line.append(pair)
-            twist.append(motion.numbers("twist", (6,)).tolist() if both[1] else [0.0] * 6)
-            motion.done()
+        motions = Motions.read(f, names, contacts)
         entries = f.take("tree")
         if not isinstance(entries, list) or not 0 < len(entries) <= MANY:
             raise BadFile(f"is no list of 1 to {MANY} entries", f.at("tree"))
         for k, x in enumerate(entries):
-            if x is not None and (type(x) is not int or not -len(line) <= x < 2 * contacts):
+            if x is not None and (type(x) is not int or not -len(motions) <= x < 2 * contacts):
                 need = f"a parameter below {2 * contacts}, a motion or null is needed"
                 raise BadFile(f"is {x!r}; {need}", f"{f.at('tree')}[{k}]")
         f.done()
-        pairs = np.array(line, dtype=np.int64).reshape(-1, 2)
-        motions = Motions(np.array(weights).reshape(-1, len(names)), pairs, np.array(twist).reshape(-1, 6))
         return cls(motions, tuple(entries))
 
     def leaves(self, root: Array) -> tuple[Array, list[int | None]]:

@@ -20,6 +20,7 @@ from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.evaluator import Derived
 from handfast.planning.evaluation.local_search import Strength
+from handfast.planning.joined_search import JoinedSearched
 from handfast.planning.load_bound import BoundSearched
 from handfast.planning.no_balance import BalanceSearched
 from handfast.planning.question import Requirements
@@ -150,13 +151,15 @@ class Grasps(Presented):
     Attributes:
         task, body, loads: as asked. count: how many grasps were asked for. seed: of the random starts.
         verdict: FOUND with at least one; NONE if no contact forces balance the loads wherever in the regions the
-            contacts are, or if the hand cannot bring the regions together at all; else UNDECIDED.
+            contacts are, if every configuration is discarded for one reason or another, as that it collides, or if the
+            hand cannot bring the regions together at all; else UNDECIDED.
         stop: why the search ended. seconds: wall time after start-up.
         grasps: best first.
         tally: what became of the certified random starts.
         evaluated: configurations that were looked at, steps included. starts, unproved: of the local search.
         synthesis: the answer behind NONE, or behind an UNDECIDED where no start was ever certified.
         balance: how far the proof has come that no contact forces balance the loads; None with a grasp.
+        joined: how far the proof has come that every configuration is discarded; None with a grasp, or not begun.
         requirements: friction, actuators and limits, as asked.
         search: how far it has come, to go on from.
         bound: so many times the loads no placement of the contacts holds; None unless the best was asked for, and
@@ -178,6 +181,7 @@ class Grasps(Presented):
     unproved: int
     synthesis: Synthesis | None = field(default=None, repr=False)
     balance: BalanceSearched | None = field(kw_only=True)
+    joined: JoinedSearched | None = field(default=None, kw_only=True)
     requirements: Requirements = field(kw_only=True, repr=False)
     search: SavedSearch = field(kw_only=True, repr=False)
     bound: BoundSearched | None = field(default=None, kw_only=True)
@@ -193,8 +197,9 @@ class Grasps(Presented):
 
     @property
     def proof_of_none(self) -> Mapping[str, Any] | None:
-        """That no contact forces balance the loads, for files; None where that is not shown."""
-        return self.balance.proof if self.balance else None
+        """That there is no grasp, by forces alone or joined with other reasons, for files; None if it is not shown."""
+        searched = self.balance, self.joined
+        return next((s.proof for s in searched if s is not None and s.proof is not None), None)
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -207,6 +212,7 @@ class Grasps(Presented):
             "fates": self.tally.to_json("holds", REASONS),
             "balance": self.balance.to_json() if self.balance else None,
             "bound": self.bound.to_json() if self.bound else None,
+            "joined": self.joined.to_json() if self.joined else None,
         }
 
     @property
@@ -217,7 +223,9 @@ class Grasps(Presented):
         record = {k: v for k, v in self.noted.items() if k not in ("schema", "query", "verdict")}
         record |= {"count": self.count, "grasps": [g.noted for g in self.grasps]}
         saved = [g.saved for g in self.grasps]
-        proofs = {"none": self.proof_of_none, "bound": self.bound.proof if self.bound and saved else None}
+        none = self.proof_of_none
+        proofs = {"none": none, "bound": self.bound.proof if self.bound and saved else None}
+        proofs["solids"] = self.joined.solids if self.joined and none is self.joined.proof else None
         return SavedGrasps.of(self.task, thing, self.loads, self.requirements, self.verdict, saved, record, **proofs)
 
     def verify(self) -> Replay:

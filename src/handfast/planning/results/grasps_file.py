@@ -2,9 +2,9 @@
 
 Primary are the task with its hand, the hand's motors, the question, and of each grasp the configuration with its
 proof of existence, all joints, the preload and a witness for each load. `grasp` and `answer` follow from these: a
-replay computes them again. `none` is the proof that there is no grasp, as no contact forces balance the loads, where
-that is answered. `record` is what the search noted that nothing here can prove: its course, clearances,
-scores. `checksum` is that of all the rest; it tells of damage, not of forgery.
+replay computes them again. `none` is the proof that there is no grasp, where that is answered; it may need the
+question's `solids`, of hand and object. `record` is what the search noted that nothing here can prove: its course,
+clearances, scores. `checksum` is that of all the rest; it tells of damage, not of forgery.
 """
 
 from __future__ import annotations
@@ -84,6 +84,7 @@ class GraspsQuestionEntry(Strict):
     torque_limits: dict[str, Finite]
     force_limit: Finite | None
     command_limit: Finite | None
+    solids: dict[str, Any] | None = None
 
 
 class LoadWitnessEntry(Strict):
@@ -200,8 +201,9 @@ class SavedGrasps:
         answer: what is said of them all.
         record: what the search noted; nothing of it is proved.
         question: SHA-256 of task, motors and question as they stand in the file.
-        none: the proof that no contact forces balance the loads; None without one.
+        none: the proof that there is no grasp; None without one.
         bound: the proof that no placement holds the loads so many times; None without one.
+        solids: of hand and object, what that is about (`solids_to_dict`); None where it needs none.
     """
 
     task: Task
@@ -214,6 +216,7 @@ class SavedGrasps:
     question: str
     none: Mapping[str, Any] | None = None
     bound: Mapping[str, Any] | None = None
+    solids: Mapping[str, Any] | None = None
 
     @classmethod
     def of(
@@ -227,8 +230,8 @@ class SavedGrasps:
         record: dict[str, Any],
         **proofs: Mapping[str, Any] | None,
     ) -> SavedGrasps:
-        """An answer as a file would hold it; proofs: `none` and `bound`."""
-        question = asked_digest(_primary(task, object, loads, requirements))
+        """An answer as a file would hold it; proofs: `none`, `bound` and `solids`."""
+        question = asked_digest(_primary(task, object, loads, requirements, proofs.get("solids")))
         answer = GraspsAnswerEntry(
             schema="handfast/answer/1",
             query="grasp",
@@ -252,10 +255,12 @@ def to_dict(saved: SavedGrasps) -> dict[str, Any]:
         "grasps": [_entry(g) for g in saved.grasps],
     }
     data |= {name: dict(proof) for name, proof in (("none", saved.none), ("bound", saved.bound)) if proof is not None}
-    return sealed(_primary(saved.task, saved.object, saved.loads, saved.requirements) | data)
+    return sealed(_primary(saved.task, saved.object, saved.loads, saved.requirements, saved.solids) | data)
 
 
-def _primary(task: Task, thing: ObjectEntry, loads: Loads, r: Requirements) -> dict[str, Any]:
+def _primary(
+    task: Task, thing: ObjectEntry, loads: Loads, r: Requirements, solids: Mapping[str, Any] | None
+) -> dict[str, Any]:
     """What is asked."""
     return {
         "task": task_to_dict(task),
@@ -269,7 +274,8 @@ def _primary(task: Task, thing: ObjectEntry, loads: Loads, r: Requirements) -> d
             "torque_limits": {n: float(v) for n, v in (r.torque_limits or {}).items()},
             "force_limit": None if r.force_limit is None else float(r.force_limit),
             "command_limit": None if r.command_limit is None else float(r.command_limit),
-        },
+        }
+        | ({} if solids is None else {"solids": dict(solids)}),
     }
 
 
@@ -321,13 +327,13 @@ def from_dict(data: Any) -> SavedGrasps:
     q, said = entry.question, entry.answer
     if len(said.grasps) != len(entry.grasps):
         raise InputError(f"has {len(said.grasps)} entries for {len(entry.grasps)} grasps", field="answer.grasps")
-    stated = q.model_dump(exclude={"object", "loads", "actuators"})
+    stated = q.model_dump(exclude={"object", "loads", "actuators", "solids"})
     requirements = Requirements(actuators=tuple(q.actuators), **stated)
     grasps = tuple(
         _grasp(task, e, answer, f"grasps[{i}]")
         for i, (e, answer) in enumerate(zip(entry.grasps, said.grasps, strict=True))
     )
-    proofs = {"none": entry.none, "bound": entry.bound}
+    proofs = {"none": entry.none, "bound": entry.bound, "solids": q.solids}
     return SavedGrasps(
         task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data), **proofs
     )

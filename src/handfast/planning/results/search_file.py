@@ -61,6 +61,7 @@ class SavedSearch(Strict):
         seconds: spent.
         balance: boxes of the search for a proof that no forces balance the loads, while it is going on.
         bound: boxes of the search for what no placement can hold, with the factor.
+        joined: boxes of the search for a proof with several reasons, of each set of contacts that is not done.
     """
 
     format: Literal["handfast/search/1"] = Field(alias="schema")
@@ -74,6 +75,7 @@ class SavedSearch(Strict):
     found: list[FoundEntry]
     balance: dict[str, Any] | None = None
     bound: dict[str, Any] | None = None
+    joined: list[dict[str, Any]] | None = None
 
     @property
     def tally(self) -> Tally:

@@ -84,7 +84,7 @@ def question_of(saved: SavedGrasps) -> dict[str, Any]:
 
     Names are labels; what they stand for is told apart by its `sha256`: of a hand links, joints without limits,
     couplings, motors and closing senses; of an object the regions to touch, mass and centre of mass; of a task hand,
-    limits, regions and bounds.
+    limits, regions and bounds; of solids, where a NONE rests on them, all shapes and what may overlap.
     """
     task, thing, asked = task_to_dict(saved.task), saved.object, saved.requirements
     joints = [{key: value for key, value in j.items() if key != "limits"} for j in task["hand"]["joints"]]
@@ -107,7 +107,7 @@ def question_of(saved: SavedGrasps) -> dict[str, Any]:
         "command_limit": asked.command_limit,
         "mdp": True,
         "preloads": [g.grasp.preload for g in saved.grasps],
-    }
+    } | ({} if saved.solids is None else {"solids": {"sha256": digest(dict(saved.solids))}})
 
 
 def _answer_fault(saved: SavedGrasps) -> str:
