@@ -65,6 +65,18 @@ def test_what_differs_is_kept_until_there_is_enough() -> None:
     assert (tally.passed, tally[RejectionReason.ALIKE], tally[RejectionReason.SLIPS]) == (3, 2, 2)
 
 
+def test_what_is_better_takes_the_place_of_the_worst() -> None:
+    gathered = Gathering(2, near, value=lambda x: -x)
+    assert gathered.take(unit(5.0, 3.0))
+    assert not gathered.take(unit(9.0))
+    assert gathered.take(unit(0.0))
+    assert gathered.kept == [3.0, 0.0]
+    assert gathered.take(unit(2.5))  # like 3
+    assert not gathered.take(unit(0.5))  # like 0
+    assert (gathered.kept, gathered.beyond) == ([0.0, 2.5], True)
+    assert gathered.tally[RejectionReason.ALIKE] == 2
+
+
 def test_a_search_goes_on_with_what_it_had() -> None:
     before = Tally(1)
     gathered = Gathering(2, near, before, [0.0])

@@ -156,7 +156,7 @@ def least_arm(
 
     By branch and bound, until the bound is `TIGHT`, at least `enough`, or `BOXES` were looked at.
     """
-    arm = _Arm(task, contact, rates, friction)
+    arm = LeverArm(task, contact, rates, friction)
     boxes, bounds, least, seen = arm.root[None], np.full(1, -np.inf), np.inf, 0
     while seen < BOXES and bounds.min() < min(TIGHT * least, enough):
         first = np.argsort(bounds, kind="stable")[:BATCH]
@@ -177,7 +177,7 @@ def least_arm(
     return float(bounds.min())
 
 
-class _Arm:
+class LeverArm:
     """n.u - mu |u_t| of a contact, by the two parameters of its hand region and the free joints between."""
 
     def __init__(self, task: TaskData, contact: int, rates: Mapping[int, float], friction: float) -> None:
