@@ -12,9 +12,9 @@ import pytest
 from flint import fmpq
 
 from handfast.core import bundled
-from handfast.model.grasp import Grasp
+from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs.fields import BadFile
-from handfast.proofs.grasp import MANY, NOTHING, STOPS, UNIT_TOLERANCE, GraspData, read_grasp
+from handfast.proofs.grasp import MANY, NOTHING, STOPS, UNIT_TOLERANCE, GraspData, StartData, read_grasp
 from handfast.readers.grasp_file import load_grasp, to_dict
 from tests.support.law_grasps import random_law_grasp
 from tests.support.problems import bell, nest, pinch, solved
@@ -655,3 +655,13 @@ def test_of_several_names_twice_the_first_is_told() -> None:
 def test_what_is_no_grasp(data: Any) -> None:
     with refused("is no object", "g"):
         read_grasp(data, "g")
+
+
+def test_a_step_starts_from_its_own_numbers_whatever_was_worked_out_before() -> None:
+    hinge = GraspJoint("hinge", [0, 0, 1], [0, 0.1, 0], (0,), stop="upper")
+    rest = read_grasp(to_dict(Grasp([Contact([0.02, 0, 0], [-1, 0, 0], 0.5)], [hinge])), "grasp")
+    assert [rest.gaps[0], rest.stops_left[0], rest.stops[1][0]] == [0.0, 0.0, True]
+    rows = rest.rows
+    step = rest.with_start(StartData(np.array([-0.5]), np.array([0.25]), np.array([0.0])))
+    assert [step.gaps[0], step.stops_left[0], step.stops[1][0]] == [-0.5, -0.25, False]
+    assert step.rows is rows
