@@ -1,0 +1,46 @@
+"""Depths in convex solids as a file holds them: never more than there is, whatever triangles a file gives a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from handfast.core.transforms import quaternion_matrix, transform
+from handfast.model.shape import Shape
+from handfast.proofs.convex_solids import SolidData, solid_to_dict
+from handfast.proofs.discarded_boxes import inside
+from handfast.proofs.fields import Fields
+from handfast.proofs.replay import Refused
+
+
+def read(shape: Shape) -> SolidData:
+    return SolidData.read(Fields(solid_to_dict(shape.kind, shape.size, shape.pose, shape.vertices)))
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"])
+def test_depths_are_those_of_the_shape(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    pose = transform(rng.normal(size=3), quaternion_matrix(rng.normal(size=4)))
+    n = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}[kind]
+    mesh = Shape.hull(rng.normal(size=(30, 3)), pose)
+    shape = mesh if kind == "mesh" else Shape(kind, rng.uniform(0.5, 2, size=n), pose)  # type: ignore[arg-type]
+    solid = read(shape).with_faces(shape.faces) if kind == "mesh" else read(shape)
+    points = shape.centroid + rng.normal(size=(300, 3)) * 0.4
+    due = shape.depth(points)
+    assert (due > 0).sum() > 20
+    assert np.allclose(inside(solid, points)[due > 0], due[due > 0], atol=1e-9)
+    assert (inside(solid, points) <= due + 1e-12)[due > 0].all()
+    assert (inside(solid, points)[due < 0] < 0).all()
+
+
+def test_a_mesh_needs_a_closed_surface() -> None:
+    shape = Shape.hull(np.random.default_rng(4).normal(size=(20, 3)))
+    assert inside(read(shape), shape.centroid[None])[0] == -np.inf
+    with pytest.raises(Refused, match="closed"):
+        read(shape).with_faces(shape.faces[1:])
+    with pytest.raises(Refused, match="closed"):
+        read(shape).with_faces(np.vstack([shape.faces[:1, ::-1], shape.faces[1:]]))
+    with pytest.raises(Refused, match="no mesh"):
+        read(Shape("sphere", (1.0,))).with_faces(shape.faces)
+    turned = read(shape).with_faces(shape.faces[:, ::-1])  # inside out: closed, and no point is on its inner side
+    assert inside(turned, shape.centroid[None])[0] < 0
