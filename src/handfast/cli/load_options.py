@@ -325,6 +325,7 @@ class SearchFlags(LoadsOptions, WorkOptions, Reported, Command):
             torque_limits=assigned(self.torque_limit, "--torque-limit"),
             force_limit=self.force_limit,
             eta=float(np.radians(self.eta)),
+            loading=getattr(self, "loading", "together"),
         )
         seconds = getattr(self, "timeout", None)
         timeout = None if seconds == float("inf") else seconds

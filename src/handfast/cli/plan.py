@@ -15,7 +15,7 @@ from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.grasp import overlaps_text, starts_text, tally_rows
 from handfast.cli.load_options import SceneOptions, SearchFlags, axis_vector
-from handfast.cli.options import Assignments, Command, Triple, closing_senses
+from handfast.cli.options import Assignments, Command, LoadingOrder, Triple, closing_senses
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.core.limited import within
@@ -35,7 +35,7 @@ from handfast.stability.problem.loads import Loads
 
 
 @dataclass(kw_only=True)
-class PlanGrasps(SearchFlags, SceneOptions, Command):
+class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
     """Look for grasps that hold an object, and differ from each other.
 
     Starts the hand at random before the object's surface, closes it, and keeps what holds every load under one

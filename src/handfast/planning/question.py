@@ -17,9 +17,10 @@ from handfast.model.mesh_pieces import LONG
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling
 from handfast.planning.filters.surroundings import Surroundings
 from handfast.planning.search import GIVE_UP
+from handfast.stability.answers.load_path import comes_after
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
-from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.settings import Loading, Settings
 from handfast.synthesis.embedded_task import digest
 
 
@@ -33,6 +34,7 @@ class PlanLimits:
         force_limit: largest normal force at any contact [N].
         eta: uncertainty of the contact normals [rad].
         settings: of each query about stability; None for the planner's own.
+        loading: as in `check`; with "preload-first" every load is held on its path.
     """
 
     command_limit: float | None = None
@@ -40,9 +42,11 @@ class PlanLimits:
     force_limit: float | None = None
     eta: float = 0.0
     settings: Settings | None = None
+    loading: Loading = "together"
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
+        comes_after(self.loading)
 
     @property
     def of_a_load(self) -> GraspLimits:
@@ -179,6 +183,8 @@ class TaskGraspOptions(SearchOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.limits.loading != "together":
+            raise InputError("'preload-first' is not known to grasps for a task; plan knows it", field="loading")
         if self.best not in (None, "margin"):
             raise InputError(f"is {self.best!r}; margin is needed", field="best")
 

@@ -127,6 +127,8 @@ class Attempts:
         """The fingerprint of all this."""
         o = self.options
         others = vars(o.limits) | {"palm": self.palm, "sampling": o.sampling}
+        if o.limits.loading == "together":
+            del others["loading"]
         others |= {name: getattr(o, name) for name in ("ignored", "simulate", "contacts") if getattr(o, name)}
         others |= {"surroundings": o.surroundings.numbers} if o.surroundings else {}
         return fingerprint(self.hand, self.body, self.loads, o.seed, **others)

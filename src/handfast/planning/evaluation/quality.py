@@ -29,7 +29,7 @@ class GraspQuality:
             they were given, before the factor of safety. inf if all are resisted at any size.
         weakest: name of the load with that margin; "" where all loads are 0.
         leans_on: what makes that HOLDS fragile (`Margin.why`): "motion", "friction", "tilt"; () if it
-            is robust.
+            is robust. Of commands and load together; () where these do not hold and the path does.
         clearance: [m] the least distance of links that do not touch to the object, of links to each other, and
             of the hand to what is around the object (that up to 50 mm).
     """
@@ -79,7 +79,8 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
         if left <= 0:
             return answer
         settings = limits.settings or replace(settings_for(grasp), gap=GAP, timeout=left)
-        found[name] = uninterrupted(maximum(grasp, w, settings=settings, limits=limits.of_a_load))
+        how: dict[str, Any] = {"settings": settings, "limits": limits.of_a_load, "loading": limits.loading}
+        found[name] = uninterrupted(maximum(grasp, w, **how))
     return replace(answer, margins=found)
 
 
@@ -97,6 +98,6 @@ def quality(answer: HoldAnswer, options: PlanOptions, clearance: float) -> Grasp
         wrench = answer.loads.wrenches[answer.loads.names.index(weakest)] / options.safety
         settings = limits.settings or checking_settings_for(grasp)
         leant = margin(grasp, wrench, settings=settings, limits=limits.of_a_load)
-        leans = leant.why if leant else ("motion",)
+        leans = leant.why if leant else ("motion",) if limits.loading == "together" else ()
     times = np.inf if asked is None else asked * options.safety
     return GraspQuality(float(times), weakest, leans, clearance)
