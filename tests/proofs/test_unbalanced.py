@@ -154,6 +154,16 @@ def test_limited_forces_carry_no_more_than_their_friction(weighs: float, shown: 
     assert not replayed(jaws(), loads, of_twist(0, 0, 1, 0, 0, 0), limit=1.0).ok
 
 
+@pytest.mark.parametrize(("weighs", "shown"), [(0.76, True), (0.74, False)])
+def test_each_contact_has_its_own_limit(weighs: float, shown: bool) -> None:
+    """1 N and 0.5 N, mu = 0.5: straight down their friction does no more than 0.75 N."""
+    loads, down = {"w": weight([0, 0, 0], weighs * DOWN)}, of_twist(0, 0, -1, 0, 0, 0)
+    done = replayed(jaws(), loads, down, limit=np.array([1.0, 0.5]))
+    assert done.ok == shown
+    assert "normal forces up to 1, 0.5 N" in done.claim
+    assert not replayed(jaws(), loads, down, limit=np.array([1.0, np.inf])).ok
+
+
 @pytest.mark.parametrize("times", [1e-30, 0.5, 3.0, 1e6, 1e49])
 def test_limited_forces_count_as_often_as_their_loads(times: float) -> None:
     """Forces of each load add up with its weight: a load counted twice is not one twice as heavy."""
