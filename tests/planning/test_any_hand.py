@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -225,8 +226,10 @@ def test_a_mesh_in_millimetres_is_refused_with_both_sizes(hand: Hand) -> None:
     assert 0.15 < hand_size(hand) < 0.25  # without the forearm
     with pytest.raises(InputError, match=r"is 60 m long, the hand \d+ mm; .*--scale 0\.001"):
         compared(hand, sized(30.0))
-    with pytest.raises(InputError, match=r"is 0\.06 mm long.*--scale 1"):
+    with pytest.raises(InputError, match=r"is 0\.06 mm long.*other units: --scale METRES"):
         plan(hand, sized(3e-5))
+    with pytest.raises(InputError, match=r"is 0\.06 mm long.*in metres already: --scale 1"):
+        plan(hand, replace(sized(3e-5), scale=0.001))
     assert "is 6 m long" in compared(hand, sized(3.0))
     for radius in (0.01, 0.05, 0.5):
         assert compared(hand, sized(radius)) == ""

@@ -265,7 +265,10 @@ def test_a_file_without_its_checksum_is_refused(pinched: Synthesis, tmp_path: Pa
 @pytest.mark.parametrize(
     "text, line",
     [
-        ("{}", "schema: is missing; 'handfast/result/1' or .* or 'handfast/grasps/1' is needed"),
+        (
+            "{}",
+            "schema: is missing; 'handfast/result/1' or .* or 'handfast/contacts/1' is needed",
+        ),
         ('{"schema": "handfast/task/1"}', r"schema: is 'handfast/task/1'; 'handfast/result/1' or "),
         ('{"schema": "handfast/synthesis/1"}', "checksum: is missing"),
         ("[1]", "schema: is missing"),

@@ -286,8 +286,11 @@ def test_the_command_line_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
     np.testing.assert_allclose(said["object_motion"], w.state.r, rtol=1e-9, atol=1e-12)
 
 
-def test_it_is_sought_when_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Verdicts alone do not pay for it."""
+@pytest.mark.parametrize("share, asked_for_the_verdict", [(0.5 / 2.2, 0), (1.0, 1)])
+def test_it_is_sought_when_it_is_read(
+    monkeypatch: pytest.MonkeyPatch, share: float, asked_for_the_verdict: int
+) -> None:
+    """Verdicts alone do not pay for it, unless the state that was found is between two modes, as under all of PULL."""
     asked: list[Witness] = []
 
     def spy(found: Witness, *limits: object) -> Witness:
@@ -297,9 +300,10 @@ def test_it_is_sought_when_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "least_motion", spy)
     grasp = load_grasp("fig1")
     check_many(grasp, np.array([PULL, 0.5 * PULL, 0.9 * PULL]), settings=Settings(verify=False))
-    answer = check(grasp, PULL)
-    assert answer.verdict is Verdict.HOLDS
     assert asked == []
+    answer = check(grasp, share * PULL)
+    assert answer.verdict is Verdict.HOLDS
+    assert asked == [answer.found] * asked_for_the_verdict
     assert answer.witness is answer.witness is answer.found
     assert asked == [answer.found]
 

@@ -67,7 +67,7 @@ class ScaledProblem:
         G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
         soft: (s,) contacts that are soft fingers; twist_map, twist_jacobian: (6, s), (s, l) scaled, as of the grasp.
         torque: (l,) scaled torques that are given.
-        force: [N] the force scale; length: [m] the length scale.
+        force: [N] the force scale; length: [m] the length scale; middle: (3,) of the contacts, scaled.
         joint_scale: (l,) moment arms [m]; actuator_scale (a,), coupling_scale (k,): of their forces, over `force`.
     """
 
@@ -96,6 +96,7 @@ class ScaledProblem:
     mu: Array
     force: float
     length: Any
+    middle: Array
     joint_scale: Array
     actuator_scale: Array
     coupling_scale: Array
@@ -317,6 +318,7 @@ def _scaled(
         mu=plain.mu,
         force=scale.force,
         length=plain.size,
+        middle=plain.positions.mean(axis=-2) / _wide(plain.size),
         joint_scale=units.joints,
         actuator_scale=units.actuators,
         coupling_scale=units.couplings,

@@ -25,6 +25,7 @@ from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
 
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
+FAR = 100.0  # sizes of the grasp: how far from the origin its contacts may be before torques are taken about them
 RANK = 1e-10  # relative: singular values below are none
 SOLVED = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
 TURNS = 1e-12  # (scaled) motion from which an actuator turns
@@ -310,10 +311,12 @@ def reduce(
     active = np.flatnonzero(p.moves)
     M = _motions(p)
     E, h, of_torques = _balances(p, load, at, M)
-    U, sv, Vt = np.linalg.svd(E)
+    about = _about_middle(p, E.shape[-2])
+    U, sv, Vt = np.linalg.svd(about @ E)
     rank = rank_of(sv)
     inverse = (transposed(Vt[..., :rank, :]) / sv[..., None, :rank]) @ transposed(U[..., :rank])
-    y0 = times(inverse, h)
+    y0 = times(inverse, times(about, h))
+    inverse = inverse @ about
     Y = transposed(Vt[..., rank:, :])
     of_forces = _force_bounds(p, goal, at, endless, within)
     of_motions = _motion_bounds(p, goal, endless, cap)
@@ -448,6 +451,21 @@ def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tupl
     of_torques[..., joints, :] = Zt
     h += times(of_torques, load.g_a)
     return E, h, of_torques
+
+
+def _about_middle(p: ScaledProblem, height: int) -> Array:
+    """(height, height) what turns torques on the object, rows 3 to 6 of (1), into those about the contacts' middle.
+
+    Far from the origin the rounding of forces would be multiplied by the way there. Up to `FAR` nothing is turned.
+    """
+    out = np.zeros((*p.G.shape[:-2], height, height))
+    out[..., range(height), range(height)] = 1.0
+    far = np.linalg.norm(p.middle, axis=-1, keepdims=True) > FAR
+    x, y, z = np.moveaxis(np.where(far, p.middle, 0.0), -1, 0)
+    out[..., 3, 1], out[..., 3, 2] = z, -y
+    out[..., 4, 2], out[..., 4, 0] = x, -z
+    out[..., 5, 0], out[..., 5, 1] = y, -x
+    return out
 
 
 def _force_bounds(
