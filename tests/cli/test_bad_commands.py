@@ -60,6 +60,11 @@ WRONG = {
     "an object for a hand": (["plan", "can.json", "schunk-sah"], ["can.json: is an object; the hand comes first"]),
     "a unit beside a mass": (["plan", "barrett-bh8-280", "can", "--mass", "100g"], ["--mass: '100g' is not a number"]),
     "part of a job": (["plan", "barrett-bh8-280", "can", "--pool", "2.5"], ["--pool: '2.5' is not a whole number"]),
+    "all for one load": (["robust", "fig1", "--gravity", "all"], ["--gravity: 'all' is not a number"]),
+    "a hand for a task": (
+        ["synthesize", "hand.urdf"],
+        ["hand.urdf: is a hand, and a task is needed; handfast propose hand.urdf OBJECT writes tasks"],
+    ),
     "an object for a grasp": (["hold", "mug", "--gravity", "all"], ["mug: is an object, and a grasp is needed"]),
     "a mesh for a grasp": (["check", "a.STL", "--wrench", "0", "0", "1"], ["a.STL: is an object", "plan HAND a.STL"]),
     "commas in a wrench": (["check", "fig1", "--wrench", "0,1,0"], ["'0,1,0' is not a number; numbers have spaces"]),

@@ -309,6 +309,10 @@ def test_bad_files_are_one_clear_line(tmp_path: Path) -> None:
         load_hand("barret")
     with pytest.raises(InputError, match=r"nothing.urdf: no such file"):
         load_hand(tmp_path / "nothing.urdf")
+    xacro = '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="f"/></robot>'
+    (tmp_path / "t.urdf.xacro").write_text(xacro)
+    with pytest.raises(InputError, match=r"t.urdf.xacro: has xacro macros, which are not read; `xacro t.urdf.xacro >"):
+        load_hand(tmp_path / "t.urdf.xacro")
     (tmp_path / "t.urdf").write_text("not xml")
     with pytest.raises(InputError, match=r"t.urdf: is not XML"):
         load_hand(tmp_path / "t.urdf")

@@ -40,7 +40,7 @@ from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanLimits
 from handfast.planning.ranking import difference, most_different
 from handfast.planning.results.plan import Plan
-from handfast.planning.search import RejectionReason
+from handfast.planning.search import RejectionReason, Tally
 from handfast.stability.problem.loads import Loads
 
 HAND = load_hand("barrett-bh8-280")
@@ -377,6 +377,29 @@ def test_fewer_than_asked_for_is_undecided(tmp_path: Path, capsys: pytest.Captur
     out = capsys.readouterr().out
     assert "of 50 asked for (stopped: nodes)" in out
     assert "what became of the starts" in out
+
+
+def test_a_mesh_without_mass_is_refused_before_it_is_taken_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "no.stl").write_text("never read")
+    for up in ((), ("z",)):
+        one = PlanGrasps(hand="barrett-bh8-280", object=str(tmp_path / "no.stl"), up=up)
+        with pytest.raises(InputError, match=r"no\.stl: mass: is unknown; give --mass KG"):
+            one.run()
+    one.mass = 1.0
+    with pytest.raises(InputError, match=r"cannot be read as a mesh|has no triangles"):
+        one.run()
+
+
+def test_few_starts_that_time_ended_say_nothing(planned: Plan) -> None:
+    missed = Tally()
+    missed.add(RejectionReason.MISSES, 9)
+    none = replace(planned, grasps=(), tally=missed, stop=Stop.TIME)
+    assert none.diagnosis == []
+    assert "do not reach" in replace(none, stop=Stop.FRUITLESS).diagnosis[0]
+    missed.add(RejectionReason.MISSES)
+    assert "do not reach" in none.diagnosis[0]
 
 
 def test_the_command_refuses_before_it_works(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
 from handfast.model.body import Body
-from handfast.model.mesh_pieces import _shared_edges, open_edges, pieces_of
+from handfast.model.mesh_pieces import _shared_edges, open_edges, solid_of
 from handfast.model.shape import Shape, volume_and_centroid
 from handfast.readers.body_file import save_body_copy
 from handfast.readers.load_body import load_body
@@ -108,12 +109,39 @@ def told(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> p
 
 def test_what_is_inside_out_is_turned_round(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     vertices, faces = ell_mesh(tmp_path)
-    pieces = pieces_of([(vertices, faces[:, ::-1])], "ell.obj")
+    pieces = solid_of([(vertices, faces[:, ::-1])], "ell.obj").pieces
     assert told.messages == ["ell.obj: is turned inside out; its triangles are taken the other way round"]
     assert pieces[0].volume == pytest.approx(7e-6)  # of the hull
     told.clear()
-    pieces_of([(vertices, faces)], "ell.obj")
+    solid_of([(vertices, faces)], "ell.obj")
     assert told.messages == []
+
+
+def test_the_centre_of_mass_of_a_closed_surface_is_its_own(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
+    """Whatever its pieces are: of the L's 5 squares (3 x 1 about (1.5, 0.5), 1 x 2 about (0.5, 2)) it is (1.1, 1.1)."""
+    file = ell(tmp_path / "ell.obj")
+    np.testing.assert_allclose(load_body(file, scale=0.01).center_of_mass, [0.011, 0.011, 0.005], atol=1e-12)
+    vertices, faces = ell_mesh(tmp_path)
+    of_mesh = Body.from_mesh(SimpleNamespace(vertices=vertices, faces=faces[:, ::-1]))  # inside out  # type: ignore[arg-type]
+    np.testing.assert_allclose(of_mesh.center_of_mass, [0.011, 0.011, 0.005], atol=1e-12)
+    solid = solid_of(
+        [(vertices, faces)], "ell.obj", 2.0, transform([1, 2, 3], np.diag([-1, -1, 1]))
+    )  # half a turn about z
+    np.testing.assert_allclose(solid.center, [1 - 0.022, 2 - 0.022, 3.01], atol=1e-12)
+    assert solid.volume == pytest.approx(4e-5)
+    given = load_body(file, scale=0.01, center_of_mass=[0, 0, 0.001])
+    np.testing.assert_array_equal(given.center_of_mass, [0, 0, 0.001])
+
+
+def test_of_several_shapes_each_counts_with_its_volume(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
+    """The L, 5 cm^3, and a box of 5 cm^3 at (5, 0, 0) cm; a file that states the centre is believed."""
+    ell(tmp_path / "ell.obj")
+    box = {"box": {"size": [0.01, 0.05, 0.01]}, "pose": {"position": [0.05, 0, 0]}}
+    data = {"schema": "handfast/body/1", "shapes": [{"mesh": {"file": "ell.obj", "scale": 0.01}}, box]}
+    (tmp_path / "two.json").write_text(json.dumps(data))
+    np.testing.assert_allclose(load_body(tmp_path / "two.json").center_of_mass, [0.0305, 0.0055, 0.0025], atol=1e-12)
+    (tmp_path / "two.json").write_text(json.dumps(data | {"center_of_mass": [0, 0, 1]}))
+    np.testing.assert_array_equal(load_body(tmp_path / "two.json").center_of_mass, [0, 0, 1])
 
 
 @pytest.mark.parametrize("turned", [[0], [1, 4, 5, 11], [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]])
@@ -126,7 +154,7 @@ def test_triangles_that_are_wound_otherwise_are_turned_round(
     monkeypatch.setattr("handfast.model.mesh_pieces.decompose", lambda v, f: [seen.append(f), v][1:])
     mixed = faces.copy()
     mixed[turned] = mixed[turned][:, ::-1]
-    pieces_of([(vertices, mixed)], "ell.obj")
+    solid_of([(vertices, mixed)], "ell.obj")
     few = min(len(turned), len(faces) - len(turned))
     assert told.messages[0] == f"ell.obj: {few} of 20 triangles are wound otherwise than the others; turned round"
     assert volume_and_centroid(vertices, seen[0])[0] == pytest.approx(5e-6)
@@ -150,7 +178,7 @@ def test_a_surface_with_one_side_is_refused(tmp_path: Path) -> None:
         [[np.cos(u) * (2 + np.cos(v)), np.sin(u) * (2 + np.cos(v)), np.sin(v)] for u in angle for v in angle]
     )
     with pytest.raises(InputError, match="has a surface with one side"):
-        pieces_of([(0.01 * vertices, np.array(rows))], "bottle.obj")
+        solid_of([(0.01 * vertices, np.array(rows))], "bottle.obj")
 
 
 def top_and_rest(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +194,7 @@ def test_holes_are_closed_where_that_is_a_mend_and_else_refused(
     seen: list[tuple[np.ndarray, np.ndarray]] = []
     monkeypatch.setattr("handfast.model.mesh_pieces.decompose", lambda v, f: [seen.append((v, f)), v][1:])
     top, rest = top_and_rest(vertices, faces)
-    pieces_of([(vertices, rest)], "ell.obj")  # one flat hole, of six corners
+    solid_of([(vertices, rest)], "ell.obj")  # one flat hole, of six corners
     assert told.messages == ["ell.obj: is open; 6 triangles close its holes"]
     assert open_edges(rest)
     ((v, f),) = seen
@@ -177,7 +205,7 @@ def test_holes_are_closed_where_that_is_a_mend_and_else_refused(
         r"^is open: 8 of its edges belong to one triangle alone, the first near \(.*\) m; what is not convex needs"
     )
     with pytest.raises(InputError, match=problem):
-        pieces_of([(vertices, rest[~wall])], "ell.obj")
+        solid_of([(vertices, rest[~wall])], "ell.obj")
     assert len(seen) == 1
     assert len(top) == 4
 
@@ -187,7 +215,7 @@ def test_a_crack_is_closed_whatever_its_shape(tmp_path: Path, told: pytest.LogCa
     torn = np.vstack([vertices, vertices[faces[0, :1]] + 1e-9])
     faces = faces.copy()
     faces[0, 0] = len(vertices)  # one corner of one triangle is a hair off
-    pieces_of([(torn, faces)], "ell.obj")
+    solid_of([(torn, faces)], "ell.obj")
     assert told.messages == ["ell.obj: is open; 4 triangles close its holes"]
 
 
@@ -202,7 +230,7 @@ def test_sizes_pieces_and_long_work_are_told(
     assert told.messages == ["b.obj: has 2 convex pieces, each of which is compared with each solid of a hand"]
     told.clear()
     monkeypatch.setattr("handfast.model.mesh_pieces.RATE", 2.0)
-    pieces_of([ell_mesh(tmp_path)], "ell.obj")
+    solid_of([ell_mesh(tmp_path)], "ell.obj")
     (message,) = told.messages
     assert message.startswith("ell.obj: is not convex; to take 20 triangles apart takes about 12 s of processor time,")
 

@@ -56,6 +56,15 @@ def test_the_file_that_is_wrong_is_named(tmp_path: Path, monkeypatch: pytest.Mon
         read_meshes([good, bad])
 
 
+def test_a_pointer_of_git_lfs_and_an_unknown_format_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:61\nsize 7293684\n")
+    with pytest.raises(InputError, match=r"a\.stl: is a Git LFS pointer, not the file itself; `git lfs pull`"):
+        read_mesh(tmp_path / "a.stl")
+    (tmp_path / "a.dae").write_text("<COLLADA/>")
+    with pytest.raises(InputError, match=r"a\.dae: is no mesh file that can be read; known: \.obj, .*; convert it"):
+        read_mesh(tmp_path / "a.dae")
+
+
 def test_a_mesh_that_takes_too_much_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "box.ply"
     trimesh.creation.box((1, 2, 3)).export(file)

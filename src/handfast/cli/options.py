@@ -84,9 +84,10 @@ def _several(metavar: str, read: Any) -> PrimitiveConstructorSpec[Any]:
 
 def _triple(words: list[str]) -> Numbers:
     """Three numbers."""
+    numbers = tuple(_number(w) for w in words)
     if len(words) != 3:
         raise ValueError(f"has {len(words)} numbers; three are needed, X Y Z")
-    return tuple(_number(w) for w in words)
+    return numbers
 
 
 ALL = ("all",)
@@ -420,6 +421,9 @@ def load_solvable(name: str) -> Task:
     from handfast.model.hand.coupling import driver_ranges
     from handfast.synthesis.task_file import load_task
 
+    if HAND.fullmatch(name):
+        right = f"handfast propose {name} OBJECT writes tasks, handfast plan needs none"
+        raise InputError(f"is a hand, and a task is needed; {right}", source=name)
     task = load_task(name)
     with FaultsOf(name):
         driver_ranges(task.hand, task.involved.tolist())

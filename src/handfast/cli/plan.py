@@ -31,6 +31,7 @@ from handfast.planning.question import PlanOptions, compared
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Journal
 from handfast.readers.load_body import load_body
+from handfast.readers.registry import MESHES, ending
 from handfast.stability.problem.loads import Loads
 
 
@@ -119,6 +120,8 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
         from handfast.planning.results.folder import PlanFolder
 
         begin = time.monotonic()
+        if ending(Path(self.object)) in MESHES:
+            self._refuse_weightless(self.mass)  # before it is taken apart
         with within(self.timeout):
             hand, body = self.load_scene()
         options = replace(options, timeout=max(self.timeout - (time.monotonic() - begin), SHORTEST))
@@ -157,9 +160,12 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
         return Surroundings(way if self.support else None, solids, travel)
 
     def _loads(self, body: Body) -> Loads:
-        if body.mass is None and (self.up or self.tilt or not (self.wrench or self.loads)):
-            raise InputError("is unknown; give --mass KG", source=self.object, field="mass")
+        self._refuse_weightless(body.mass)
         return self.asked(body)
+
+    def _refuse_weightless(self, mass: float | None) -> None:
+        if mass is None and (self.up or self.tilt or not (self.wrench or self.loads)):
+            raise InputError("is unknown; give --mass KG", source=self.object, field="mass")
 
     def _show(self, planned: Plan) -> None:
         out = console.out()

@@ -13,6 +13,7 @@ from handfast.cli.console import table
 from handfast.cli.load_options import ObjectOptions
 from handfast.cli.options import Command, Reported, check_folder, check_writable
 from handfast.core import bundled
+from handfast.core.errors import require_positive
 from handfast.planning.question import compared
 from handfast.readers.body_file import save_body_copy
 from handfast.readers.load_hand import load_hand
@@ -55,6 +56,7 @@ class Propose(ObjectOptions, Reported, Command):
         from handfast.planning.propose_tasks import ProposeOptions, propose
 
         check_folder(self.output)
+        require_positive(self.count, "count", "a positive number is needed")  # before a mesh is taken apart
         hand = load_hand(self.hand)
         body = self.load_object(self.object, self.scale)
         console.warn(compared(hand, body))

@@ -10,7 +10,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import FaultsOf, InputError, require_not_negative, require_positive
 from handfast.core.presented import Presented
-from handfast.model.mesh_pieces import checked_mesh, checked_scale, joined, pieces_of
+from handfast.model.mesh_pieces import center_of_volume, checked_mesh, checked_scale, joined, solid_of
 from handfast.model.shape import Faces, Mesh, Shape
 
 if TYPE_CHECKING:
@@ -69,10 +69,9 @@ class Body(Presented):
             raise InputError("has no solids; an object needs at least one", field="pieces")
         vertices, faces = mesh or joined([p.triangles() for p in pieces])
         if center_of_mass is None:
-            volumes = np.array([p.volume for p in pieces])
-            if not volumes.sum() > 0:
+            center_of_mass = center_of_volume(pieces)
+            if center_of_mass is None:
                 raise InputError("has no volume; is its scale right?", field="pieces")
-            center_of_mass = volumes @ np.array([p.centroid for p in pieces]) / volumes.sum()
         return cls(name, tuple(pieces), mass, np.asarray(center_of_mass), friction, vertices, faces)
 
     @classmethod
@@ -89,8 +88,8 @@ class Body(Presented):
         """A body from a `trimesh.Trimesh`, or anything with `vertices` (n, 3) and `faces` (k, 3), in its own frame.
 
         Taken apart as `load_body` does with a mesh file: connected parts that are convex as they are, the others
-        decomposed into convex pieces. The centre of mass defaults to the centre of the pieces' volume; the density of
-        the trimesh is not looked at.
+        decomposed into convex pieces. The centre of mass defaults to the centre of the volume, that of a surface that
+        is not convex and not that of its pieces; the density of the trimesh is not looked at.
 
         Args:
             mass: [kg]. friction: coefficient. center_of_mass: (3,) [m] in the body's frame, after scaling.
@@ -115,10 +114,11 @@ class Body(Presented):
             raise InputError("has faces that are no whole numbers; three vertices by number are needed", source=name)
         group = checked_mesh(points, corners.astype(np.int64), name)
         with FaultsOf(name):
-            pieces = pieces_of([group], name, scale)
+            solid = solid_of([group], name, scale)
             drawn = group[0] * scale, group[1]
-            about = {"mass": mass, "friction": friction, "center_of_mass": center_of_mass}
-            return cls.of(pieces, name=name, mesh=drawn, **about)  # type: ignore[arg-type]
+            center = center_of_volume([solid]) if center_of_mass is None else center_of_mass
+            about = {"mass": mass, "friction": friction, "center_of_mass": center}
+            return cls.of(solid.pieces, name=name, mesh=drawn, **about)  # type: ignore[arg-type]
 
     def gravity_wrench(self, direction: object, g: float = 9.81) -> Array:
         """(6,) [N, N m] weight as a wrench at the object's origin, object axes.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,8 +44,32 @@ def checked_mesh(v: Array, f: Faces, source: str) -> Mesh:
     return unique, inverse.reshape(-1)[f]
 
 
-def pieces_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = None) -> list[Shape]:
-    """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, scaled to metres and placed at `pose` (4, 4).
+class Solid(NamedTuple):
+    """Triangle meshes as a solid: `pieces` that are convex, the `volume` [m^3] and its `center` (3,) [m].
+
+    Volume and centre of a part that is not convex are those of its closed surface: the pieces fill hollows, such as
+    the bowl of a thin glass. Those of a convex part are its hull's.
+    """
+
+    pieces: list[Shape]
+    volume: float
+    center: Array
+
+
+def center_of_volume(solids: Iterable[Solid | Shape]) -> Array | None:
+    """(3,) [m] of solids together, as if they did not overlap; None if they have no volume."""
+    each = [(s.volume, s.center if isinstance(s, Solid) else s.centroid) for s in solids]
+    whole = sum(volume for volume, _ in each)
+    return np.sum([volume * center for volume, center in each], axis=0) / whole if whole > 0 else None
+
+
+def pieces_of(solids: Iterable[Solid | Shape]) -> list[Shape]:
+    """The convex pieces of solids."""
+    return [piece for s in solids for piece in (s.pieces if isinstance(s, Solid) else [s])]
+
+
+def solid_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = None) -> Solid:
+    """Triangle meshes (n, 3), (k, 3) of one object taken apart, scaled to metres and placed at `pose` (4, 4).
 
     Triangles that are wound otherwise than their neighbours are turned round. Where a part is not convex, so is a mesh
     that is turned inside out, and small holes are closed. That, a
@@ -70,12 +95,30 @@ def pieces_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = 
     if not all(convex) and sum(volume_and_centroid(v, f)[0] for v, f in parts if closed(f)) < 0:
         LOG.warning("%s: is turned inside out; its triangles are taken the other way round", name)
         parts = [(v, f[:, ::-1]) for v, f in parts]
-    hulls: list[Array] = []
+    pieces: list[Shape] = []
+    solids: list[tuple[float, Array]] = []
     for (v, f), whole in zip(parts, convex, strict=True):
-        hulls += [v] if whole else _apart(v, f, name)
-    if len(hulls) > MANY:
-        LOG.warning("%s: has %d convex pieces, each of which is compared with each solid of a hand", name, len(hulls))
-    return [Shape.hull(points, pose, f"{Path(name).stem}/{i}") for i, points in enumerate(hulls)]
+        surface = (v, f) if whole else _solid_surface(v, f, name)
+        hulls = [v] if whole else _apart(*surface, name)
+        made = [Shape.hull(points, pose, f"{Path(name).stem}/{len(pieces) + i}") for i, points in enumerate(hulls)]
+        solids.append((made[0].volume, made[0].centroid) if whole else _volume(*surface, made, pose))
+        pieces += made
+    if len(pieces) > MANY:
+        LOG.warning("%s: has %d convex pieces, each of which is compared with each solid of a hand", name, len(pieces))
+    whole_volume = sum(volume for volume, _ in solids)
+    centers = [volume * center for volume, center in solids]
+    center = np.sum(centers, axis=0) / whole_volume if whole_volume > 0 else pose[:3, 3]
+    return Solid(pieces, whole_volume, center)
+
+
+def _volume(vertices: Array, faces: Faces, pieces: list[Shape], pose: Array) -> tuple[float, Array]:
+    """Volume and its centre of a part: of its closed surface, unless that crosses itself so that it has none."""
+    volume, center = volume_and_centroid(vertices, faces)
+    if volume and ((center >= vertices.min(axis=0)) & (center <= vertices.max(axis=0))).all():
+        return abs(volume), pose[:3, :3] @ center + pose[:3, 3]
+    volumes = np.array([p.volume for p in pieces])
+    whole = float(volumes.sum())
+    return whole, volumes @ np.array([p.centroid for p in pieces]) / whole if whole else pose[:3, 3]
 
 
 def surface_facts(meshes: list[Mesh], scale: float = 1.0) -> dict[str, Any]:
@@ -100,8 +143,8 @@ def surface_facts(meshes: list[Mesh], scale: float = 1.0) -> dict[str, Any]:
     return facts | ({"decomposing": FIRST + many / RATE} if many else {})
 
 
-def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
-    """Vertices of the convex pieces of a part that is not convex."""
+def _solid_surface(vertices: Array, faces: Faces, name: str) -> Mesh:
+    """A part that is not convex with its holes closed."""
     if open_edges(faces):
         filled = _filled(vertices, faces)
         if filled is None:
@@ -113,6 +156,11 @@ def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
         vertices, faces = filled
     if _shared_edges(faces)[2].any():
         raise InputError("has a surface with one side, as a Moebius strip; a solid is needed, or convex pieces")
+    return vertices, faces
+
+
+def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
+    """Vertices of the convex pieces of a part that is not convex, and closed."""
     seconds = FIRST + len(faces) / RATE
     if seconds > PATIENT:
         told = "%s: is not convex; to take %d triangles apart takes about %d s of processor time, at most %d s"

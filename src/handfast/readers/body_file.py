@@ -22,7 +22,7 @@ from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError
 from handfast.core.files import Positive, Strict, Vector, read_json, validate, write_text
 from handfast.model.configuration import PoseFile
-from handfast.model.mesh_pieces import pieces_of
+from handfast.model.mesh_pieces import Solid, center_of_volume, pieces_of, solid_of
 from handfast.model.shape import Kind, Shape
 from handfast.readers.mesh_file import MESH_FILES, read_meshes
 from handfast.readers.registry import ObjectParts
@@ -99,9 +99,9 @@ class BodyFile(Strict):
             raise ValueError("either shapes or a mesh is needed")
         return self
 
-    def shapes_in(self, folder: Path) -> list[Shape]:
-        """The convex pieces, mesh files relative to `folder`."""
-        pieces: list[Shape] = []
+    def solids_in(self, folder: Path) -> list[Solid | Shape]:
+        """Each shape, mesh files relative to `folder`."""
+        solids: list[Solid | Shape] = []
         shapes = self.shapes or [ShapeFile(mesh=MeshFile(file=self.mesh or ""))]
         named = {i: s.mesh.file for i, s in enumerate(shapes) if s.mesh}
         files = {i: folder / name for i, name in named.items()}
@@ -114,10 +114,10 @@ class BodyFile(Strict):
             for kind in SOLIDS:
                 if solid := getattr(s, kind):
                     sizes = np.hstack(list(solid.model_dump().values()))
-                    pieces.append(Shape(kind, sizes, pose, name=f"{kind}_{i}"))
+                    solids.append(Shape(kind, sizes, pose, name=f"{kind}_{i}"))
             if s.mesh:
-                pieces += pieces_of(meshes[files[i]], files[i].name, s.mesh.scale, pose)
-        return pieces
+                solids.append(solid_of(meshes[files[i]], files[i].name, s.mesh.scale, pose))
+        return solids
 
 
 def read_body_file(path: Path) -> BodyFile:
@@ -128,8 +128,9 @@ def read_body_file(path: Path) -> BodyFile:
 def read_body(path: Path, _scale: float) -> ObjectParts:
     """The object of the file, which states its own units."""
     file = read_body_file(path)
-    pieces = file.shapes_in(path.parent)
-    return ObjectParts(file.name or path.stem, pieces, file.mass, file.center_of_mass, file.friction)
+    solids = file.solids_in(path.parent)
+    center = center_of_volume(solids) if file.center_of_mass is None else file.center_of_mass
+    return ObjectParts(file.name or path.stem, pieces_of(solids), file.mass, center, file.friction)
 
 
 def save_body_copy(

@@ -15,7 +15,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, roll_pitch_yaw, transform
-from handfast.model.mesh_pieces import components, is_convex, pieces_of
+from handfast.model.mesh_pieces import Solid, center_of_volume, components, is_convex, pieces_of, solid_of
 from handfast.model.shape import Shape
 from handfast.readers.mesh_file import MESH_FILES, read_meshes
 from handfast.readers.registry import ObjectParts
@@ -43,8 +43,8 @@ def read_folder(folder: Path, scale: float = 1.0) -> ObjectParts:
         if not all(is_convex(*part) for group in meshes[file] for part in components(*group)):
             right = "a folder is taken for the convex pieces of one object; name the mesh itself"
             raise InputError(f"is not convex; {right}", source=str(file))
-    pieces = [piece for file in files for piece in pieces_of(meshes[file], file.name, scale)]
-    return ObjectParts(folder.name, pieces, scale=scale)
+    solids = [solid_of(meshes[file], file.name, scale) for file in files]
+    return ObjectParts(folder.name, pieces_of(solids), center_of_mass=center_of_volume(solids), scale=scale)
 
 
 def read_body_model(path: Path, scale: float = 1.0) -> ObjectParts:
@@ -113,7 +113,7 @@ def _parts(
     scale: float,
 ) -> ObjectParts:
     """The solids and masses of all links, `pose` of each, and `place` of what is in one."""
-    pieces: list[Shape] = []
+    solids: list[Solid | Shape] = []
     masses: list[tuple[float, Array]] = []
     frictions: list[float] = []
     kind = "collision" if any(e.find("collision") is not None for e in links.values()) else "visual"
@@ -129,9 +129,9 @@ def _parts(
             at = _scaled(base @ place(element, where), scale)
             if geometry[0].tag == "mesh":
                 file, larger = _mesh(geometry[0], path, where)
-                pieces += pieces_of(meshes[file], file.name, larger * scale, at)
+                solids.append(solid_of(meshes[file], file.name, larger * scale, at))
             else:
-                pieces.append(solid(geometry[0], at, f"{link}/{len(pieces)}", where, scale))
+                solids.append(solid(geometry[0], at, f"{link}/{len(pieces_of(solids))}", where, scale))
             given = (element.find(f"surface/friction/{key}") for key in FRICTIONS)
             frictions += [numbers_in(mu.text or "", 1, where, f"<{mu.tag}> ")[0] for mu in given if mu is not None]
         inertial = e.find("inertial")
@@ -141,11 +141,11 @@ def _parts(
             if kg < 0:
                 raise InputError(f"has a mass of {kg:g} kg; 0 or more is needed", field=where)
             masses.append((kg, _scaled(base @ place(inertial, where), scale)[:3, 3]))
-    if not pieces:
+    if not solids:
         raise InputError("has no collision or visual shapes; an object needs at least one solid")
     whole = sum(m for m, _ in masses) if masses else None
-    center = sum(m * c for m, c in masses) / whole if whole else None
-    return ObjectParts(name, pieces, whole, center, min(frictions, default=None), scale=scale)
+    center = sum(m * c for m, c in masses) / whole if whole else center_of_volume(solids)
+    return ObjectParts(name, pieces_of(solids), whole, center, min(frictions, default=None), scale=scale)
 
 
 def _scaled(T: Array, scale: float) -> Array:

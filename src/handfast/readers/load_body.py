@@ -11,7 +11,7 @@ from typing import Any
 from handfast.core import bundled
 from handfast.core.errors import FaultsOf, InputError, kinds_checked
 from handfast.model.body import Body
-from handfast.model.mesh_pieces import checked_scale, joined, pieces_of, surface_facts
+from handfast.model.mesh_pieces import center_of_volume, checked_scale, joined, solid_of, surface_facts
 from handfast.readers import registry
 from handfast.readers.body_models import read_folder
 from handfast.readers.mesh_file import read_mesh
@@ -32,9 +32,9 @@ def load_body(
 
     A mesh may consist of several convex parts (groups, or connected components): they are taken as they
     are, each as its convex hull. A part that is not convex is decomposed into convex pieces with CoACD,
-    with a fixed seed. The centre of mass defaults to the centre of the volume (of the pieces, if there
-    are several). Of a URDF or SDF file count collision shapes, masses and (SDF) the smallest friction; the meshes of a
-    folder are pieces of one object.
+    with a fixed seed. The centre of mass defaults to the centre of the volume: of the surface of a part that is
+    decomposed, not of its pieces, which fill hollows. Of a URDF or SDF file count collision shapes, masses and (SDF)
+    the smallest friction; the meshes of a folder are pieces of one object.
 
     Args:
         source: OBJ, STL, PLY, OFF, Inventor (.iv), VRML (.wrl), URDF, SDF, JSON, a folder, or XML of GraspIt!, which
@@ -85,7 +85,8 @@ def _parts(path: Path, scale: float) -> ObjectParts:
     if registry.ending(path) in registry.MESHES:
         meshes = read_mesh(path)
         vertices, faces = joined(meshes)
-        pieces = pieces_of(meshes, path.name, scale)
-        return ObjectParts(path.stem, pieces, mesh=(vertices * scale, faces), scale=scale)
+        solid = solid_of(meshes, path.name, scale)
+        mesh, center = (vertices * scale, faces), center_of_volume([solid])
+        return ObjectParts(path.stem, solid.pieces, center_of_mass=center, mesh=mesh, scale=scale)
     parts: ObjectParts = registry.reader(registry.OBJECTS, registry.ending(path))(path, scale)
     return parts

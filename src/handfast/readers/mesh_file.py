@@ -17,6 +17,7 @@ from handfast.model.mesh_pieces import checked_mesh
 from handfast.model.shape import Mesh
 from handfast.readers import registry
 
+POINTER = b"version https://git-lfs"  # how a file begins that stands for one in Git LFS
 MESH_FILES = registry.MESHES.keys()  # endings, those of formats that were added among them
 
 
@@ -39,9 +40,11 @@ def read_meshes(paths: Iterable[Path], *, empty: bool = False) -> dict[Path, lis
     found: dict[Path, list[Mesh]] = {}
     for path in files:
         if registry.ending(path) not in registry.MESHES:
-            raise InputError(f"is not a mesh file; known: {', '.join(registry.MESHES)}", source=str(path))
+            known = ", ".join(registry.MESHES)
+            raise InputError(f"is no mesh file that can be read; known: {known}; convert it to one", source=str(path))
         if not os.path.isfile(path):
             raise InputError("no such file", source=str(path))
+        _refuse_pointer(path)
         read = registry.reader(registry.MESHES, registry.ending(path))
         if read is not read_by_trimesh:
             found[path] = read(path)
@@ -98,6 +101,14 @@ def _loaded_one(trimesh: Any, path: Path) -> list[Mesh]:
         reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
         raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
     return [checked_mesh(v, f, str(path)) for v, f in found]
+
+
+def _refuse_pointer(path: Path) -> None:
+    """`InputError` for a file that Git LFS has not fetched."""
+    with open(path, "rb") as file:
+        if file.read(len(POINTER)) == POINTER:
+            problem = "is a Git LFS pointer, not the file itself; `git lfs pull` in its repository fetches it"
+            raise InputError(problem, source=str(path))
 
 
 def _refuse_zero(path: Path) -> None:

@@ -51,7 +51,8 @@ class ObjectParts:
     Attributes:
         name: for reports.
         pieces: convex solids [m].
-        mass: [kg]. center_of_mass: (3,) [m]. friction: coefficient. None where the file does not say it.
+        mass: [kg]. center_of_mass: (3,) [m]. friction: coefficient. None where the file does not say it; the
+            centre may be that of the volume then, or None for that of the pieces' volume.
         mesh: to be drawn in place of the pieces [m]; None to draw the pieces.
         scale: metres per unit of the file that the caller chose; 1 for a file that states its own units.
         without_friction: a warning for callers that give no friction either; "" for none.

@@ -12,6 +12,7 @@ from handfast.core.errors import InputError
 
 LARGEST = 1 << 25  # [bytes]
 DEEPEST = 500  # elements in each other
+XACRO = ("{http://www.ros.org/wiki/xacro}", "{http://ros.org/wiki/xacro}", "{http://wiki.ros.org/xacro}")
 
 
 def read_xml(path: Path, right: str = "") -> Element:
@@ -43,8 +44,12 @@ def read_xml(path: Path, right: str = "") -> Element:
 
 
 def read_robot_xml(path: Path) -> Element:
-    """As `read_xml`, of a hand or an object."""
-    return read_xml(path, "a URDF or MJCF file")
+    """As `read_xml`, of a hand or an object; `InputError` for a file with xacro macros, too."""
+    root = read_xml(path, "a URDF or MJCF file")
+    if any(e.tag.startswith(XACRO) for e in root.iter()):
+        problem = f"has xacro macros, which are not read; `xacro {path.name} > hand.urdf` makes a URDF file of it"
+        raise InputError(problem, source=str(path))
+    return root
 
 
 def numbers_in(text: str, n: int, field: str, name: str = "") -> list[float]:

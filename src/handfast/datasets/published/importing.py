@@ -309,7 +309,9 @@ class Importer:
             return load_body(found.meshes[0], self.mass, self.friction)
         bodies = [load_body(mesh, friction=self.friction, scale=scale) for mesh in found.meshes]
         pieces = [piece for body in bodies for piece in body.pieces]
-        return Body.of(pieces, name=found.name, mass=self.mass, friction=bodies[0].friction)
+        center = bodies[0].center_of_mass if len(bodies) == 1 else None
+        about: dict[str, Any] = {"mass": self.mass, "friction": bodies[0].friction, "center_of_mass": center}
+        return Body.of(pieces, name=found.name, **about)
 
 
 def imported(

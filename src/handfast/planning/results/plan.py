@@ -23,6 +23,7 @@ from handfast.proofs import few_contacts
 from handfast.proofs.replay import Replay
 from handfast.stability.problem.loads import Loads
 
+FEW = 10  # starts tell nothing yet
 STARTS = (
     "what became of the other starts, that the grasps differ from each other, and that the ways in and out are free",
 )
@@ -134,8 +135,9 @@ class Plan(Presented):
 
     @property
     def diagnosis(self) -> list[str]:
-        """What rejected most of the attempts, and what may help, if nothing was found."""
-        return [] if self.grasps or self.asked.impossible else diagnosis(self.tally, self.hand)
+        """What rejected most of the attempts, and what may help, if nothing was found; [] if time ended it at once."""
+        at_once = self.stop == Stop.TIME and self.tried < FEW
+        return [] if self.grasps or self.asked.impossible or at_once else diagnosis(self.tally, self.hand)
 
     @property
     def nodes(self) -> int:

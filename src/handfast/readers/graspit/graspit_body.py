@@ -18,8 +18,8 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import FaultsOf, InputError
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.model.mesh_pieces import joined, pieces_of
-from handfast.model.shape import Mesh, Shape
+from handfast.model.mesh_pieces import Solid, center_of_volume, joined, solid_of
+from handfast.model.shape import Mesh
 from handfast.readers.mesh_file import MESH_FILES, read_mesh, read_meshes
 from handfast.readers.registry import ObjectParts
 from handfast.readers.xml_file import numbers_in, read_xml
@@ -173,21 +173,22 @@ class GraspitBody:
         found = read_meshes([self.geometry], empty=True)[self.geometry]
         return [(v * self.scale, f) for v, f in found]
 
-    def solids(self) -> tuple[list[Shape], Mesh]:
-        """Convex pieces, and the mesh as it is, [m] in the body's frame; `InputError` if the axes differ in scale."""
+    def solid(self) -> tuple[Solid, Mesh]:
+        """Taken apart, and the mesh as it is, [m] in the body's frame; `InputError` if the axes differ in scale."""
         if np.ptp(self.scale) > 0:
             raise InputError("differs along the axes; scale the mesh itself", field="geometryScaling")
         meshes = read_mesh(self.geometry)
-        pieces = pieces_of(meshes, self.geometry.name, float(self.scale[0]), self.offset)
+        solid = solid_of(meshes, self.geometry.name, float(self.scale[0]), self.offset)
         vertices, faces = joined([(v * self.scale, f) for v, f in meshes])
-        return pieces, (vertices @ self.offset[:3, :3].T + self.offset[:3, 3], faces)
+        return solid, (vertices @ self.offset[:3, :3].T + self.offset[:3, 3], faces)
 
 
 def read_object(path: Path, _scale: float) -> ObjectParts:
     """The object of a GraspIt! body file, which states its own units; its friction depends on the hand."""
     body = GraspitBody.read(path)
-    pieces, mesh = body.solids()
+    solid, mesh = body.solid()
+    center = center_of_volume([solid]) if body.center_of_mass is None else body.center_of_mass
     known = ", ".join(f"{friction_of(body.material, m):g} on {m}" for m in MATERIALS[1:])
     warning = f"is of {body.material}; its friction depends on the hand (GraspIt!: {known})"
     warning += "; 0.5 is taken unless you give it"
-    return ObjectParts(path.stem, pieces, body.mass, body.center_of_mass, mesh=mesh, without_friction=warning)
+    return ObjectParts(path.stem, solid.pieces, body.mass, center, mesh=mesh, without_friction=warning)
