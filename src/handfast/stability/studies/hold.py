@@ -31,7 +31,7 @@ from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.answers.check_query import check_along
-from handfast.stability.answers.load_path import StepAnswer, comes_after
+from handfast.stability.answers.load_path import LoadPath, StepAnswer, comes_after
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
@@ -399,7 +399,7 @@ class _HoldSearch:
                 a = self.counted(
                     check_along(build(grasp, self.loads.wrenches[k], limits=self.limits), settings, rest=rest)
                 )
-                assert a.path is not None
+                assert isinstance(a.path, LoadPath)
                 rest = a.path.rest
             else:
                 a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, limits=self.limits))
