@@ -107,9 +107,11 @@ def summary(rows: dict[str, Any]) -> dict[str, Any]:
     for r in rows.values():
         counts.update(r.get("became", {}))
     total = sum(counts.values())
-    up = sum(r.get("lifted", 0) for r in rows.values())
-    shares = {"share": round(counts[HELD] / total, 3), "lifted_share": round(up / total, 3)} if total else {}
-    return {"grasps": total, **counts, "lifted": up, **shares}
+    up = {key: r["lifted"] for key, r in rows.items() if "lifted" in r}  # rows of before the scenes have none
+    scenes = sum(len(rows[key]["grasps"]) for key in up)
+    shares = {"share": round(counts[HELD] / total, 3)} if total else {}
+    shares |= {"lifted_share": round(sum(up.values()) / scenes, 3)} if scenes else {}
+    return {"grasps": total, **counts, "scenes": scenes, "lifted": sum(up.values()), **shares}
 
 
 def main() -> None:
