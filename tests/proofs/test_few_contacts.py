@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from handfast import check
+from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
@@ -48,6 +50,19 @@ def test_loads_of_both_signs_need_more_frictionless_contacts_than_directions() -
     turns = Loads(("a", "b"), np.array([[0, 0, 0, 1.0, 0, 0], [0, 0, 0, -1.0, 0, 0]]))
     assert held(stone(0), 0.0, loads=turns).fewest() == Fewest(2, "opposed")
     assert held(stone(0), 0.5, loads=turns).fewest() == Fewest(2, "opposed")
+
+
+def test_what_a_state_may_miss_of_the_loads_is_no_direction() -> None:
+    """Loads along x with torques of 1e-12 N m: two contacts that face each other along x hold all four, to 1e-9."""
+    loads = np.zeros((4, 6))
+    loads[:, 0], loads[:2, 4], loads[2:, 5] = (1, -1, 1, -1), (1e-12, -1e-12), (1e-12, -1e-12)
+    grasp = Grasp([Contact((0.03, 0, 0), (-1, 0, 0), 0.0), Contact((-0.03, 0, 0), (1, 0, 0), 0.0)])
+    for load in loads:
+        answer = check(grasp, load)
+        assert answer.verdict is Verdict.HOLDS
+        assert answer.verify().ok
+    box = Shape("box", [0.06, 0.06, 0.06])
+    assert held(box, 0.0, np.zeros(3), loads=Loads(tuple("abcd"), loads)).fewest() == Fewest(2, "opposed")
 
 
 def test_of_one_load_nothing_is_said() -> None:

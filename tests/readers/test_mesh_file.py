@@ -93,3 +93,11 @@ def test_a_face_with_vertex_0_is_refused(tmp_path: Path) -> None:
     file.write_text(corners + "vt 0 0\nf 1/1 2/1 3/1\nf -1 -2 -4\nf 1 2 4\n")
     ((_, faces),) = read_mesh(file)
     assert len(faces) == 3
+
+
+def test_an_index_of_thousands_of_digits_is_refused(tmp_path: Path) -> None:
+    """Python converts no more than 4300 digits to a whole number: `ValueError`, which nobody may see."""
+    file = tmp_path / "long.obj"
+    file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 " + "3" * 5000 + "\n")
+    with pytest.raises(InputError, match=r"long\.obj"):
+        read_mesh(file)
