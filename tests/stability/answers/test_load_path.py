@@ -409,3 +409,42 @@ def test_a_refutation_is_of_the_step_that_it_names() -> None:
     assert "nor, as the last one, a certificate" in forged(harder, load=load)
     with pytest.raises(BadFile, match="slack: has a negative number"):
         forged(lambda data: data["steps"][1]["from"].update(slack=[-1.0]))
+
+
+def test_a_jaw_at_both_stops_is_answered() -> None:
+    """A joint at both stops, four contacts in a plane of which two have no friction: no division by zero."""
+    contacts = [
+        Contact(
+            (-0.028164775154036415, 0.010331768508952033, 0.0), (0.9388258384678806, -0.34439228363173446, -0.0), 0.0
+        ),
+        Contact(
+            (0.020540667393467826, -0.021865063069447743, 0.0), (-0.6846889131155942, 0.7288354356482581, -0.0), 0.8
+        ),
+        Contact(
+            (0.029549115864368185, 0.0051816745974775785, 0.0), (-0.9849705288122729, -0.17272248658258596, -0.0), 0.0
+        ),
+        Contact(
+            (0.02962829090416503, 0.004707905914328763, 0.0),
+            (-0.987609696805501, -0.1569301971442921, -0.0),
+            0.5,
+            torsion=0.003,
+        ),
+    ]
+    joint = GraspJoint(
+        "j0",
+        (0.4969091022943088, -0.5536992342779243, -0.6682054339924995),
+        (0.04857844005089825, -0.01696360187388343, -0.04058905703525184),
+        (2, 3),
+        torque=0.05,
+        stop="both",
+    )
+    grasp = Grasp(contacts, [joint], preload={"j0": 0.21094001287360153})
+    load = [
+        0.0003391576269927774,
+        0.002651051005381965,
+        0.0027185737382279668,
+        6.679877965856176e-05,
+        -2.8820790427379265e-05,
+        -2.2820650187379714e-05,
+    ]
+    assert check(grasp, load, loading=FIRST).verdict in (Verdict.HOLDS, Verdict.SLIPS, Verdict.UNDECIDED)
