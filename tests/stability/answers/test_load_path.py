@@ -448,3 +448,33 @@ def test_a_jaw_at_both_stops_is_answered() -> None:
         -2.2820650187379714e-05,
     ]
     assert check(grasp, load, loading=FIRST).verdict in (Verdict.HOLDS, Verdict.SLIPS, Verdict.UNDECIDED)
+
+
+def test_check_does_not_slip_below_what_max_reaches() -> None:
+    """`max` goes on to 1.137 in 4 and in 16 steps, `check` of 2 % less ends after paths of 1 and 4 steps."""
+    contacts = [
+        Contact((0.03, 0.0, 0.0), (-1.0, -0.0, -0.0), 0.5),
+        Contact(
+            (-0.014999999999999993, 0.02598076211353316, 0.0), (0.4999999999999998, -0.8660254037844387, -0.0), 0.8
+        ),
+        Contact(
+            (-0.015000000000000013, -0.02598076211353315, 0.0), (0.5000000000000004, 0.8660254037844384, -0.0), 0.5
+        ),
+    ]
+    joint = GraspJoint(
+        "j0", (0.31958207418098505, -0.9327633670949061, 0.16679268229737348), (0, 0, 0), (1,), "prismatic"
+    )
+    tendon = Mechanism(("a0",), np.eye(1), np.zeros((0, 1)), (True,))
+    grasp = Grasp(contacts, [joint], tendon, {"a0": 0.1})
+    load = np.array(
+        [
+            0.15439669831353287,
+            -0.1306124919751299,
+            -0.09709722913308345,
+            0.0020823072311786104,
+            -0.00019744623864604216,
+            -0.0039693004098939385,
+        ]
+    )
+    reached = maximum(grasp, load, loading=FIRST).lower
+    assert check(grasp, 0.98 * reached * load, loading=FIRST).verdict is not Verdict.SLIPS
