@@ -260,8 +260,11 @@ def test_frictionless_contacts_fewer_than_directions_need_no_boxes() -> None:
     proof = search.searched.proof
     assert proof == {"fewest_contacts": 4}
 
-    def proved(contacts: int, friction: float = 0.0, **changed: int) -> bool:
-        return replay_of_loads(contacts, loads.by_name, friction, Fields(proof | changed)).ok
+    def proved(contacts: int, friction: float = 0.0, its: Loads = loads, **changed: int) -> bool:
+        return replay_of_loads(contacts, 0.1, its.by_name, friction, Fields(proof | changed)).ok
+
+    turning = [[f, 0, 0, t, 0, 0] for f, t in ((1, 1e-12), (-1, -1e-12), (1, -1e-12), (-1, 1e-12))]
+    assert not proved(2, its=Loads(tuple("abcd"), np.array(turning)), fewest_contacts=3)  # 1e-11 of the force's arm
 
     assert proved(2)
     assert proved(3)

@@ -7,9 +7,9 @@ import pytest
 
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.shape import Shape
-from handfast.proofs.convex_solids import SolidData, solid_to_dict
+from handfast.proofs.convex_solids import SolidData, SolidsData, solid_to_dict
 from handfast.proofs.discarded_boxes import inside
-from handfast.proofs.fields import Fields
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.replay import Refused
 
 
@@ -44,3 +44,22 @@ def test_a_mesh_needs_a_closed_surface() -> None:
         read(Shape("sphere", (1.0,))).with_faces(shape.faces)
     turned = read(shape).with_faces(shape.faces[:, ::-1])  # inside out: closed, and no point is on its inner side
     assert inside(turned, shape.centroid[None])[0] < 0
+
+
+@pytest.mark.parametrize(
+    "pairs, line",
+    [
+        ([("palm", "tip", 0.0), ("tip", "palm", 1.0)], "is there twice"),
+        ([("palm", "tip", 0.0), ("palm", "tip", 0.0)], "is there twice"),
+        ([("tip", "tip", 0.0)], "is a link with itself"),
+    ],
+)
+def test_how_deep_two_links_may_be_in_each_other_is_said_once(pairs: list[tuple[str, str, float]], line: str) -> None:
+    said = {"links": [], "object": [], "depth": 0.0}
+    each = [dict(zip(("first", "second", "depth"), pair, strict=True)) for pair in pairs]
+    known = SolidsData.read(
+        Fields({**said, "pairs": [{"first": "palm", "second": "tip", "depth": 0.5}]}), ["palm", "tip"]
+    )
+    assert known.depth_allowed(1, 0) == 0.5
+    with pytest.raises(BadFile, match=line):
+        SolidsData.read(Fields({**said, "pairs": each}), ["palm", "tip"])

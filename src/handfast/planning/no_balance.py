@@ -152,7 +152,7 @@ class NoBalance:
         self.whole = np.ptp(self.placements.root, axis=1)
         self.motions = Motions(np.zeros((0, len(loads))), np.zeros((0, 2), dtype=np.int64), np.zeros((0, 6)))
         self.hits = np.zeros(len(loads))  # how often each load refuted a box
-        self.fewest = Held((), np.zeros(3), loads.wrenches, friction).opposed()  # whatever the contacts are on
+        self.fewest = Held((), np.zeros(3), loads.wrenches, friction).opposed(self.placements.reach)
         self.root = BoxNode(self.placements.root, NO_MOTION)
         self.open = deque([self.root] if self.fewest.most < self.placements.count else [])
         self.boxes, self.discarded = 0, 0.0

@@ -132,6 +132,8 @@ class SolidsData:
             first, second = (_link(part, name, links) for name in ("first", "second"))
             if first == second:
                 raise BadFile("is a link with itself", part.place)
+            if (first, second) in allowed or (second, first) in allowed:
+                raise BadFile("is there twice", part.place)
             allowed[first, second] = part.number("depth", least=0.0)
             part.done()
         f.done()

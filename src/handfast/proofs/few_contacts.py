@@ -37,6 +37,7 @@ from handfast.proofs.solids import Solid, SurfaceParts, angle, hidden
 SCHEMA = "handfast/contacts/1"
 MARGIN = 1e-6  # [rad], or of a sum
 OPPOSITE = 1e-9  # of loads: these are one the other with the other sign
+DIRECTION = 1e-3  # share of the largest of the loads below which a force or a torque counts as no direction
 PARTS, CUTS = 6000, 48  # of the surface that are looked at together, and how often each is halved, at most
 GRID = 200  # directions along each side of the six faces of a cube
 
@@ -99,14 +100,20 @@ class Held:
         unit = self.loads / np.maximum(size, 1e-300)[:, None]
         return (size > 0) & (np.linalg.norm(unit[:, None] + unit, axis=2) < OPPOSITE).any(axis=1)
 
-    def opposed(self) -> Fewest:
-        """What loads of both signs take, whatever the shape: there need be no `solids`."""
+    def opposed(self, reach: float | None = None) -> Fewest:
+        """What loads of both signs take, whatever the shape.
+
+        reach: [m] from `center` to the farthest place of a contact, where there are no `solids`.
+        """
         both = self._both()
         if not both.any():
             return Fewest(1)
         if self.friction:
             return Fewest(2, "opposed")
-        rank = max(_rank(self.loads[both, :3]), _rank(self._torques(self.center)[both]))
+        force, torque = self.loads[both, :3], self._torques(self.center)[both]
+        reach = self._reach if reach is None else reach
+        most = max(np.abs(force).max(initial=0.0), np.abs(torque).max(initial=0.0) / max(reach, 1e-300))
+        rank = max(_rank(force, most), _rank(torque, most * reach))
         return Fewest(1 + rank, "opposed")
 
     def _weighed(self) -> bool:
@@ -220,8 +227,9 @@ def _meets(axis: Array, half: Array, owner: Integers) -> Mask:
     return out
 
 
-def _rank(a: Array) -> int:
-    return int(np.linalg.matrix_rank(a, tol=1e-6 * float(np.abs(a).max(initial=0.0))))
+def _rank(a: Array, most: float) -> int:
+    """Directions of forces or torques (k, 3) that are a share of the largest, far above what a state may miss."""
+    return int(np.linalg.matrix_rank(a, tol=DIRECTION * most))
 
 
 def _ball(s: Solid) -> bool:
@@ -291,11 +299,14 @@ def replay(data: Any, place: str = "") -> Replay:
     return Replay("contacts", claim, refused, {"contacts": found.contacts})
 
 
-def replay_of_loads(contacts: int, loads: Mapping[str, Array], friction: float, f: Fields) -> Replay:
-    """The claim that so many contacts cannot hold some loads, (6,) by name, whatever they are on. Raises `BadFile`."""
+def replay_of_loads(contacts: int, reach: float, loads: Mapping[str, Array], friction: float, f: Fields) -> Replay:
+    """The claim that so many contacts, up to `reach` [m] from the origin, cannot hold some loads, (6,) by name.
+
+    Raises `BadFile`.
+    """
     few = f.whole("fewest_contacts", least=1)
     f.done()
-    found = Held((), np.zeros(3), np.array(list(loads.values())), friction).opposed()
+    found = Held((), np.zeros(3), np.array(list(loads.values())), friction).opposed(reach)
     claim = f"{contacts} contacts cannot hold {', '.join(loads)} with a friction of {friction:g}"
     refused = "" if contacts < few <= found.most + 1 else f"shown is only that it takes {found.most + 1:g}"
     return Replay("balance", claim + (f": {WHY[found.reason]}" if found.reason else ""), refused, {"contacts": few})

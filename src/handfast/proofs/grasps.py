@@ -102,15 +102,15 @@ def _none(
         forces: friction at the contacts, and (K,) [N] limits of their normal forces.
         solids: of hand and object, where the claim needs them.
     """
+    placements = Placements.of(task.on_object, np.array(list(loads.values())), *forces)
     if f.has("fewest_contacts"):
-        part = replay_of_loads(len(task.on_object), loads, forces[0], f)
+        part = replay_of_loads(placements.count, placements.reach, loads, forces[0], f)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     if not f.has("contacts"):
         part = replay_unbalanced(task.on_object, loads, *forces, center, f)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     if solids is None:
         raise BadFile("is missing", "question.solids")
-    placements = Placements.of(task.on_object, np.array(list(loads.values())), *forces)
     shapes = SolidsData.read(solids, [link.name for link in task.hand.links])
     part = replay_no_grasp(task, shapes, placements, list(loads), f)
     return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES, SOLIDS))

@@ -147,6 +147,12 @@ class Placements:
         return len(self.side.columns)
 
     @property
+    def reach(self) -> float:
+        """[m] from the object's origin to the farthest point of the regions, at least."""
+        everywhere = self.side.over(Interval.between(*self.root.T[:, None]))
+        return float(np.linalg.norm(everywhere.point.value.mag, axis=-1).max())
+
+    @property
     def limited(self) -> Mask:
         """(K,) at which contacts there is a largest normal force."""
         return np.isfinite(self.force_limits)

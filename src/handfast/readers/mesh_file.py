@@ -122,4 +122,4 @@ def _refuse_zero(path: Path) -> None:
 def _is_zero(word: bytes) -> bool:
     """Whether a corner, such as 3, -1 or 3/1/2, is vertex 0."""
     index = word.partition(b"/")[0]
-    return index.isdigit() and not int(index)
+    return index.isdigit() and not index.strip(b"0")

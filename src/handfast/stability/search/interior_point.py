@@ -100,6 +100,8 @@ def _followed(G: Array, h: Array, cost: Array, quadratic: Array, end: float) -> 
         small = np.abs(missing_s).max() <= FEASIBLE * scale[0] and np.abs(missing_x).max() <= OPTIMAL * scale[1]
         if small and (np.abs((s * z).sum(axis=1) - end) <= CENTRED * end).all():
             return x
+        if not mu > 0:
+            return None
         W, inverse = _scaling(s, z)
         newton = _Newton.of(G, quadratic, _times(W, z), inverse, missing_x, missing_s)
         if newton is None:
