@@ -42,6 +42,7 @@ from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
 from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, rational, rationals, rounded
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.rows import UNIT
+from handfast.proofs.structural_rank import as_bits, fewer_columns, fewer_rows, fewest_lines
 
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
@@ -193,11 +194,19 @@ class LeafSystems:
         many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
         alive = self.alive.sum(axis=1)
         self.more = np.zeros((2, L), dtype=np.int64)
-        ragged = np.flatnonzero((many - 1 != alive) & (alive > 0))
-        rank = self._most_ranks(ragged).sum(axis=1)
-        self.more[:, ragged] = alive[ragged] - rank, many[ragged] - 1 - rank
-        known = np.delete(np.arange(L), ragged[rank >= many[ragged]])
-        margins, caps = self._enclosed(self._squares(known)), np.full(L, np.inf)
+        square = (many - 1 == alive) | (alive == 0)
+        ragged = np.flatnonzero(~square)
+        counted = np.full(L, np.iinfo(np.int64).max)
+        counted[ragged] = self._most_ranks(ragged).sum(axis=1)
+        self.more[:, ragged] = alive[ragged] - counted[ragged], many[ragged] - 1 - counted[ragged]
+        margins, caps = self._enclosed(self._squares(np.flatnonzero(square | (counted < many)))), np.full(L, np.inf)
+        left = np.flatnonzero(~(margins > 0) & (alive > 0))  # also squares without an inverse
+        if len(left):
+            rank = self._most_ranks(left, by_entries=True).sum(axis=1)
+            known = (rank < many[left]) & (rank < np.where(square[left], alive[left], counted[left]))
+            left, rank = left[known], rank[known]
+            self.more[:, left] = alive[left] - rank, many[left] - 1 - rank
+            margins = np.maximum(margins, self._enclosed(self._squares(left)))
         gap = np.abs(self.equations.grasp.gaps).max(initial=0.0)
         for least, again in ((RANK, False), (RANK, True), *((x, True) for x in COARSE)):
             failed = np.flatnonzero(~(margins > 0))
@@ -255,7 +264,7 @@ class LeafSystems:
                 self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
                 self.columns[leaf] = columns[k]
 
-    def _most_ranks(self, leaves: Integers) -> Integers:
+    def _most_ranks(self, leaves: Integers, by_entries: bool = False) -> Integers:
         """(C, 2) no less than the ranks of what leaves use in motions, and in the other unknowns.
 
         By counting rows and columns, and by what is so of any points:
@@ -266,13 +275,18 @@ class LeafSystems:
           torques about these.
         - Forces of contacts that only the wrench equations touch have no higher rank than there are such, 6 at most;
           those of two contacts 5.
+
+        by_entries: by the least number of rows and columns that hold all entries, `fewest_lines`, which takes longer.
+        Rows and columns of which some combinations are 0 are then replaced by as many fewer that touch what any of them
+        touches, and equations of joints with an unknown that nothing else touches are counted apart.
         """
         q, at, g = self.equations, self.equations.columns, self.equations.grasp
         own = np.repeat(np.arange(len(leaves)), self.count[leaves])
         place = np.arange(len(own)) - np.repeat(np.cumsum(self.count[leaves]) - self.count[leaves], self.count[leaves])
         place += self.rows.start[leaves][own]
         own, place = own[self.used[place]], place[self.used[place]]
-        values, touches = self.rows.value[self.which[place]] != 0, self.touches[self.which[place]]
+        which = self.which[place]
+        values, touches = self.rows.value[which] != 0, self.touches[which]
         alive, used_E = self.alive[leaves], self.used_E[leaves]
 
         def of_leaf(rows: Mask) -> Integers:
@@ -290,18 +304,62 @@ class LeafSystems:
         forces[at.c] = True
         other = (alive & self.E_touches[:6].any(axis=0) & ~forces).any(axis=1)
         torques = np.where(used_E[:, :6].all(axis=1) & ~other, _turns(g, pressed), 0)
-        of_E = by_contact(used_E[:, 6:].astype(float) @ self.E_touches[6:, at.c] > 0)
+        motions = np.arange(at.n) < at.motions
+        apart = np.zeros_like(used_E)
+        if by_entries:
+            alone = alive & ~motions & (of_leaf(touches) + used_E.astype(float) @ self.E_touches == 1)
+            apart = used_E & (np.arange(len(self.E)) >= 6) & (alone.astype(float) @ self.E_touches.T > 0)
+        of_E = by_contact((used_E & ~apart)[:, 6:].astype(float) @ self.E_touches[6:, at.c] > 0)
         bare = pressed & ~of_E & (of_leaf(by_contact(touches[:, at.c])) == 0)
         of_bare = (alive[:, at.c] & np.repeat(bare, 3, axis=1)).sum(axis=1)
         most = np.minimum(used_E[:, :6].sum(axis=1), np.where(bare.sum(axis=1) == 2, 5, 6))
         lost = np.maximum(of_bare - most, 0)
-        out, motions = [], np.arange(at.n) < at.motions
-        for block, fewer, fewer_rows in ((motions, turns, 0), (~motions, lost, torques)):
-            some = alive & block
-            rows = of_leaf((touches & some[own]).any(axis=1)) - fewer_rows
-            rows += (used_E & (some.astype(float) @ self.E_touches.T > 0)).sum(axis=1)
-            out.append(np.minimum(rows, some.sum(axis=1) - fewer))
-        return np.column_stack(out).astype(np.int64)
+        if not by_entries:
+            counted = []
+            for block, fewer, fewer_of_E in ((motions, turns, 0), (~motions, lost, torques)):
+                some = alive & block
+                rows = of_leaf((touches & some[own]).any(axis=1)) - fewer_of_E
+                rows += (used_E & (some.astype(float) @ self.E_touches.T > 0)).sum(axis=1)
+                counted.append(np.minimum(rows, some.sum(axis=1) - fewer))
+            return np.column_stack(counted).astype(np.int64)
+        bare_columns = np.zeros_like(alive)
+        bare_columns[:, at.c] = alive[:, at.c] & np.repeat(bare, 3, axis=1)
+        return self._most_by_entries(leaves, own, which, apart, motions, bare_columns, (turns, lost, torques))
+
+    def _most_by_entries(
+        self,
+        leaves: Integers,
+        own: Integers,
+        which: Integers,
+        apart: Mask,
+        motions: Mask,
+        bare: Mask,
+        fewer: tuple[Integers, Integers, Integers],
+    ) -> Integers:
+        """The same by entries.
+
+        own, which: of the used rows, the leaf and which of `CitedRows` it is. apart: (C, p) equations that are counted
+        apart. motions: (n,) columns. bare: (C, n) forces that only the wrench equations touch. fewer: (C,) each, by how
+        much the ranks of the object's motion, of these forces and of the wrench equations are below their number.
+        """
+        alive, used_E, object_motion = self.alive[leaves], self.used_E[leaves], np.zeros_like(self.alive[leaves])
+        object_motion[:, self.equations.columns.r] = True
+        known, equalities = as_bits(self.touches), as_bits(self.E_touches)
+        blocks = (motions, object_motion, fewer[0]), (~motions, bare, fewer[1])
+        of_block = [(as_bits(alive & some), as_bits(alive & joined), less) for some, joined, less in blocks]
+        ends = np.searchsorted(own, np.arange(len(leaves) + 1))
+        out = np.zeros((len(leaves), 2), dtype=np.int64)
+        for k in range(len(leaves)):
+            in_time(self.until)
+            rows = [known[i] for i in which[ends[k] : ends[k + 1]]]
+            wrench = [equalities[i] for i in np.flatnonzero(used_E[k, :6])]
+            others = [equalities[6 + i] for i in np.flatnonzero((used_E[k] & ~apart[k])[6:])]
+            every = [*fewer_rows(wrench, int(fewer[2][k])), *others, *rows]
+            lines = [equalities[i] for i in np.flatnonzero(apart[k])]
+            for block, (some, joined, less) in enumerate(of_block):
+                pattern = fewer_columns([row & some[k] for row in every], joined[k], int(less[k]))
+                out[k, block] = fewest_lines(pattern) + sum(row & some[k] > 0 for row in lines)
+        return out
 
     def places(self, chosen: Integers, rows: Mask, equalities: Mask, width: int | None = None) -> tuple[Integers, Mask]:
         """(C, K) where in (F, E, 0) some rows (R,) and equalities (L, p) of leaves stand; and which are there."""

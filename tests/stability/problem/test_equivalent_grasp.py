@@ -10,7 +10,7 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.stability.problem import model
-from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
+from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, _made, equivalent_of
 from handfast.stability.problem.model import State
 from tests.support.law_grasps import BACKDRIVABLE, curled, jaw, random_law_grasp
 from tests.support.slow_cases import slow_after
@@ -211,3 +211,31 @@ def test_a_stop_says_how_a_joint_that_is_tied_to_it_rubs(stop: str, torque: floa
         same = equivalent_of(Grasp(jaw().contacts, joints, Mechanism((), np.zeros((0, 2)), np.array(A), ())))
         assert same.constant.tolist() == [torque, 0.0]
         assert (len(same.stops), len(same.pairs)) == (1, 0)
+
+
+def parts(found: EquivalentGrasp) -> list[np.ndarray]:
+    """Everything of an equivalent that is a number."""
+    plain, pairs = found.plain, found.pairs
+    numbers = [plain.command, plain.mechanism.R, plain.mechanism.A, plain.given_torques, plain.mechanism.tendon]
+    numbers += [found.grasp.command, found.kept, found.arms, found.constant, found.of_forces, found.of_couplings]
+    of_pairs = [np.r_[pair.slider, pair.first, pair.weights, pair.friction] for pair in pairs]
+    return [np.asarray(x, dtype=float) for x in (*numbers, found.held, found.stops, *of_pairs)]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_commands_of_other_sizes_and_signs_after_those_of_a_grasp(seed: int) -> None:
+    """What was replaced for a grasp is kept for its other commands: as if nothing had been kept."""
+    rng = np.random.default_rng(seed)
+    grasp = random_law_grasp(rng)
+    a = grasp.mechanism.a
+    some = rng.random(a) < 0.5
+    for driven in (None, some & ~np.array(grasp.mechanism.backdrivable, dtype=bool)):
+        for factor in (np.ones(a), np.full(a, 3.0), rng.choice([-2.0, 0.0, 1.0], size=a)):
+            other = grasp.with_preload(factor * np.where(np.array(grasp.mechanism.tendon), 1.0, grasp.command))
+            kept = equivalent_of(other, driven)
+            _made.cache_clear()
+            made = equivalent_of(other, driven)
+            assert kept.grasp is other
+            for one, two in zip(parts(kept), parts(made), strict=True):
+                assert np.array_equal(one, two)
+            equivalent_of(grasp, driven)  # what the next one begins with

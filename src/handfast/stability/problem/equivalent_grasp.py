@@ -23,7 +23,7 @@ that nobody commands the whole one: those that have moved away do not keep a joi
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -202,13 +202,35 @@ def equivalent_of(grasp: Grasp, driven: Mask | None = None, limited: Collection[
         ties = np.zeros((grasp.l, len(grasp.mechanism.A)))
         nothing, held = np.zeros(grasp.l), np.zeros(grasp.l, dtype=bool)
         return EquivalentGrasp(grasp, grasp, every, model.joint_arms(grasp), nothing, none, ties, held)
-    return _made(grasp, None if driven is None else driven.tobytes(), frozenset(limited))
+    # beside backdrivable motors, the laws are replaced in the same way whatever the sizes of the commands
+    same = grasp if any(grasp.mechanism.backdrivable) else _Signs(grasp)
+    made = _made(same, None if driven is None else driven.tobytes(), frozenset(limited))
+    if made.grasp is grasp:
+        return made
+    command = np.zeros(made.plain.mechanism.a)
+    command[: len(made.kept)] = grasp.command if driven is None else np.where(driven, grasp.command, 0.0)
+    return replace(made, grasp=grasp, plain=made.plain.with_preload(command))
+
+
+class _Signs:
+    """A grasp that equals others which differ from it in the sizes of their commands alone."""
+
+    def __init__(self, grasp: Grasp) -> None:
+        self.grasp = grasp
+        parts = (grasp.contacts, grasp.joints, grasp.mechanism, grasp.start)
+        self._key = *parts, grasp.name, np.sign(grasp.command).tobytes()
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Signs) and self._key == other._key
 
 
 @lru_cache(maxsize=32)  # of a grasp that is asked again and again
-def _made(grasp: Grasp, driven: bytes | None, limited: frozenset[str]) -> EquivalentGrasp:
+def _made(grasp: Grasp | _Signs, driven: bytes | None, limited: frozenset[str]) -> EquivalentGrasp:
     sought = None if driven is None else np.frombuffer(driven, dtype=bool)
-    return _Replacing(grasp, sought, limited).made()
+    return _Replacing(grasp.grasp if isinstance(grasp, _Signs) else grasp, sought, limited).made()
 
 
 class _Replacing:
