@@ -338,7 +338,7 @@ def held_part(first: int, tasks: int, options: argparse.Namespace) -> dict[str, 
         size = 10.0 ** rng.uniform(-8, 0, size=(8, 1))
         low, high = (middle + sign * 0.5 * size * rng.random((8, len(middle))) for sign in (-1, 1))
         boxes = np.stack([low, high], axis=2)
-        closed, _, _ = search._examined(boxes, np.full(8, NO_MOTION))
+        closed, _, _ = search.examined(boxes, np.full(8, NO_MOTION))
         lost += int((closed != NO_MOTION).sum())
         limited += limit is not None
         tried, edges_, curved = tried + 1, edges_ + bool((use == 1).any()), curved + bool(bent)

@@ -22,9 +22,10 @@ from handfast.model.body import Body
 from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.planning.evaluation.evaluator import requests
+from handfast.planning.grasp_for import motors_of
 from handfast.planning.joined_search import NO_CLAIM, ContactSetSearch, JoinedSearch
 from handfast.planning.no_balance import NoBalance
-from handfast.planning.question import Allowed
+from handfast.planning.question import Allowed, PlanLimits
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify import proved_grasps
@@ -60,13 +61,22 @@ def collisions_of(task: Task, body: Body) -> Collisions:
 
 
 def joined(
-    task: Task, body: Body, loads: Loads = LIGHT, friction: float = 0.8, saved: Any = None, depth: float = 1e-3
+    task: Task,
+    body: Body,
+    loads: Loads = LIGHT,
+    friction: float = 0.8,
+    saved: Any = None,
+    depth: float = 1e-3,
+    limits: PlanLimits | None = None,
 ) -> JoinedSearch:
-    balance = NoBalance(task, loads, friction, center=np.zeros(3))
-    return JoinedSearch(task, collisions_of(task, body), Allowed(depth, depth, depth), balance, saved=saved)
+    """Without what limits of torques say of forces at the contacts alone."""
+    balance, motors = NoBalance(task, loads, friction, center=np.zeros(3)), motors_of(task, limits or PlanLimits())
+    return JoinedSearch(task, collisions_of(task, body), Allowed(depth, depth, depth), balance, motors, saved=saved)
 
 
-def replayed(search: JoinedSearch, task: Task, proof: Any = None, solids: Any = None) -> Replay:
+def replayed(
+    search: JoinedSearch, task: Task, proof: Any = None, solids: Any = None, limits: PlanLimits | None = None
+) -> Replay:
     """As a file: through JSON, and with nothing of the search."""
     told = search.searched
     assert told is not None
@@ -74,7 +84,8 @@ def replayed(search: JoinedSearch, task: Task, proof: Any = None, solids: Any = 
     data = read_task(task_to_dict(task))
     balance = search.sets[-1].balance
     read = SolidsData.read(Fields(solids), [link.name for link in data.hand.links])
-    return replay_no_grasp(data, read, balance.placements, balance.names, Fields(proof))
+    motors = motors_of(task, limits or PlanLimits())
+    return replay_no_grasp(data, read, balance.placements, balance.names, motors, Fields(proof))
 
 
 def weights(center: Any, mass: float = 0.1) -> Loads:

@@ -122,7 +122,7 @@ def test_boxes_about_placements_that_balance_are_never_refuted(seed: int) -> Non
             places.append(x)
     sizes = 10.0 ** rng.uniform(-6, 0, size=(12, 1))
     low, high = (np.clip(np.array(places) + s * sizes * rng.random((12, len(search.whole))), 0, 1) for s in (-1, 1))
-    closed, tried, _ = search._examined(np.stack([low, high], axis=2), np.full(12, NO_MOTION))
+    closed, tried, _ = search.examined(np.stack([low, high], axis=2), np.full(12, NO_MOTION))
     assert (closed == NO_MOTION).all()
     for motion in set(tried.tolist()) - {NO_MOTION}:  # neither does what was found for another
         boxes = np.stack([low, high], axis=2)

@@ -12,8 +12,9 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import GraspJoint
 from handfast.model.hand.hand import Hand, Joint
-from handfast.model.hand.joint_law import STOP_ANGLE, STOP_TRAVEL, PassiveTendon
+from handfast.model.hand.joint_law import PassiveTendon
 from handfast.model.mechanism import Mechanism
+from handfast.proofs.motors import STOP_ANGLE, STOP_TRAVEL
 
 TENDON = "tendon "  # begins the name of a joint that stands for the length of one
 TURNED = {"lower": "upper", "upper": "lower"}

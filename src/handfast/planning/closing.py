@@ -17,7 +17,7 @@ from handfast.geometry.scene import Indices, PoseLike, Scene, checked_joints, ch
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.hand.hand import Hand
-from handfast.model.hand.joint_law import STOP_ANGLE, STOP_TRAVEL
+from handfast.proofs.motors import STOP_ANGLE, STOP_TRAVEL
 
 GAP = 2e-5  # [m] a link nearer than this touches; bisection stops between 0 and this
 OVERLAP = 1e-4  # [m] a start deeper than this is refused

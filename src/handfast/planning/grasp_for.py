@@ -10,6 +10,7 @@ found.
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Callable
@@ -34,13 +35,21 @@ from handfast.planning.filters.balance import friction_margin
 from handfast.planning.joined_search import JoinedSearch
 from handfast.planning.load_bound import LoadBound
 from handfast.planning.no_balance import NoBalance
-from handfast.planning.question import Requirements, TaskGraspOptions, fingerprint, link_pairs, refuse_another
+from handfast.planning.question import (
+    PlanLimits,
+    Requirements,
+    TaskGraspOptions,
+    fingerprint,
+    link_pairs,
+    refuse_another,
+)
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.grasps_file import motors_to_dict
 from handfast.planning.results.search_file import REASONS, FoundEntry, SavedSearch
 from handfast.planning.search import Gathering, Journal, UnitResult
-from handfast.proofs.contact_force_limits import Motors, contact_force_limits
+from handfast.proofs.contact_force_limits import contact_force_limits
 from handfast.proofs.fields import Fields
+from handfast.proofs.motors import Motors
 from handfast.proofs.tasks import read_task
 from handfast.readers.load_body import load_body
 from handfast.stability.problem.loads import Loads
@@ -59,6 +68,7 @@ BOUND_FIRST = 0.25  # of all the time, before any configuration is sought, for a
 BOUND_SHARE = 0.5  # of the time of the search, for the bound of what any placement holds, where the best is asked for
 CLOSED = 1.01  # a bound over what the best grasp holds: near enough to end the search
 BALANCE_SHARE = 0.2  # of the time in which nothing is found, for the proof that no forces balance the loads
+LAST_BOXES = 4096  # .. of that proof, where synthesis certifies nothing and the search ends
 JOINED_SHARE = 0.3  # .. for the proof that every configuration is discarded for some reason
 Searched = TypeVar("Searched", NoBalance, LoadBound)
 DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
@@ -116,10 +126,15 @@ def grasp_for(
 
 def force_limits_of(task: Task, asked: Requirements) -> Array:
     """(K,) [N] that no normal force at a contact exceeds, by the limits that are asked, wherever the hand is."""
-    read, commands = read_task(task_to_dict(task)), np.inf if asked.command_limit is None else asked.command_limit
-    motors = Motors.read(Fields(motors_to_dict(task.hand)), read, asked.torque_limits or {}, commands)
-    most = np.inf if asked.force_limit is None else asked.force_limit
-    return np.minimum(contact_force_limits(read, motors, asked.friction), most)
+    most, motors = np.inf if asked.force_limit is None else asked.force_limit, motors_of(task, asked)
+    return np.minimum(contact_force_limits(read_task(task_to_dict(task)), motors, asked.friction), most)
+
+
+def motors_of(task: Task, asked: PlanLimits) -> Motors:
+    """What drives and holds the hand's joints, within the limits that are asked."""
+    commands = np.inf if asked.command_limit is None else asked.command_limit
+    said = Fields(json.loads(json.dumps(motors_to_dict(task.hand), allow_nan=False)))
+    return Motors.read(said, read_task(task_to_dict(task)), asked.torque_limits or {}, commands)
 
 
 def question_of(work: LocalSearch, body: Body) -> str:
@@ -272,7 +287,8 @@ class _TaskSearch:
     def joined_proof(self, saved: Any = None) -> JoinedSearch:
         """The search for a proof with several reasons, from where an earlier one was."""
         e = self.evaluator
-        return JoinedSearch(e.task, e.collisions, e.allowed, self.balance, saved=saved)
+        motors = motors_of(e.task, self.work.requirements)
+        return JoinedSearch(e.task, e.collisions, e.allowed, self.balance, motors, saved=saved)
 
     def search(self, pool: Workers[LocalSearch]) -> Stop:
         """Units in order until there are enough, or it is shown that there are none, or the time is over."""
@@ -309,8 +325,15 @@ class _TaskSearch:
             if not self.gathered.tally.total and self.units == FRUITLESS:
                 self.synthesis = self.possible()
                 if self.synthesis.verdict is not Reach.FOUND:
-                    return self.synthesis.stop
+                    return self.last_proof(self.synthesis)
         return Stop.TIME
+
+    def last_proof(self, synthesis: Synthesis) -> Stop:
+        """The proof with several reasons goes on where no configuration was certified, nor shown not to exist."""
+        if synthesis.verdict is Reach.NONE or self.joined is None:
+            return synthesis.stop
+        self.joined.run(LAST_BOXES, self.work.end)
+        return Stop.COMPLETE if self.joined.shown else synthesis.stop
 
     def bounded(self, boxes: int, seconds: float) -> bool:
         """Go on with the bound; does it show that there is no grasp?"""

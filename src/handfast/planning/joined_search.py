@@ -26,6 +26,7 @@ from handfast.geometry.collision import Collisions
 from handfast.model.shape import Shape
 from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import Allowed
+from handfast.planning.virtual_motions import VirtualMotions
 from handfast.proofs.convex_solids import SolidsData, solid_to_dict
 from handfast.proofs.discarded_boxes import (
     BATCH,
@@ -39,6 +40,7 @@ from handfast.proofs.discarded_boxes import (
     Reason,
 )
 from handfast.proofs.fields import BadFile, Fields, Integers
+from handfast.proofs.motors import Motors
 from handfast.proofs.posed_boxes import CHARTS, OBJECT, ContactBoxes, Pose
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import TaskData, read_task
@@ -132,17 +134,24 @@ class Proposer(Protocol):
 
 
 class BalanceProposer:
-    """Twists on which the loads do work and no contact forces do, see `NoBalance`."""
+    """Twists on which the loads do work and no contact forces do, see `NoBalance`; else with motions of the joints."""
 
-    def __init__(self, balance: NoBalance, columns: Integers) -> None:
-        self.balance, self.columns = balance, columns
+    def __init__(self, balance: NoBalance, contacts: ContactBoxes, motors: Motors) -> None:
+        self.balance, self.contacts, self.motors = balance, contacts, motors
+        self.virtual = VirtualMotions(contacts, motors, balance.placements)
 
     @property
     def reason(self) -> Balance:
-        return Balance(self.balance.placements, self.balance.motions, self.columns)
+        return Balance(self.balance.placements, self.balance.motions, self.contacts, self.motors)
 
     def propose(self, boxes: Boxes, last: Integers) -> Integers:
-        _, tried, _ = self.balance._examined(boxes.box[:, self.columns], last)
+        moved = self.balance.motions.moved
+        still = np.where((last >= 0) & moved[last], NO_CLAIM, last) if len(moved) else last
+        closed, tried, _ = self.balance.examined(boxes.box[:, self.reason.columns], still)
+        its = np.flatnonzero(closed == NO_CLAIM)
+        if self.virtual.free and len(its):
+            motions, found = self.virtual.propose(boxes.some(its), self.balance.hits)
+            tried[its[found]] = self.balance.add_motions(motions)
         return tried
 
 
@@ -271,14 +280,20 @@ class ContactSetSearch:
     """
 
     def __init__(
-        self, chosen: Sequence[int], task: TaskData, collisions: Collisions, solids: SolidsData, balance: NoBalance
+        self,
+        chosen: Sequence[int],
+        task: TaskData,
+        collisions: Collisions,
+        solids: SolidsData,
+        balance: NoBalance,
+        motors: Motors,
     ) -> None:
         self.chosen, self.task, self.balance = tuple(chosen), task, balance
         self.contacts = ContactBoxes.of(task.part(chosen))
         self.collision = CollisionProposer(self.contacts, collisions, solids)
         self.proposers: list[Proposer] = [self.collision]
         if len(chosen) == len(task.links):
-            self.proposers.insert(0, BalanceProposer(balance, self.contacts.sides.object.columns.ravel()))
+            self.proposers.insert(0, BalanceProposer(balance, self.contacts, motors))
         # of each box the side that is halved, `CONTACTS`, or the number of a proposer and its claim; None if it is open
         self.entries: list[int | tuple[int, int] | None] = [None] * CHARTS
         self.roots, self.halves = list(range(CHARTS)), dict[int, tuple[int, int]]()
@@ -306,12 +321,15 @@ class ContactSetSearch:
     def words(self) -> str:
         """What is shown so far, and the share of each reason."""
         claims = Counter(e for e in self.entries if isinstance(e, tuple))
-        last, pairs = len(self.proposers) - 1, Counter[tuple[int, int]]()
+        last, pairs, forces = len(self.proposers) - 1, Counter[tuple[int, int]](), [0, 0]
+        moved = self.balance.motions.moved
         for (proposer, claim), count in claims.items():
             if proposer == last:
                 link, _, body, _ = self.collision.reason.which[claim].tolist()
                 pairs[link, body] += count
-        counts = Discarded(self.entries.count(CONTACTS), claims.total() - pairs.total(), pairs)
+            else:
+                forces[int(moved[claim])] += count
+        counts = Discarded(self.entries.count(CONTACTS), forces[0], forces[1], pairs)
         return counts.words(self.contacts.task, self.collision.solids)
 
     def step(self) -> None:
@@ -385,7 +403,8 @@ class ContactSetSearch:
         first = np.cumsum([0, *map(len, used)]).tolist()
         tree = [-2 - first[e[0]] - used[e[0]][e[1]] if isinstance(e, tuple) else e for e in order]
         links = [link.name for link in self.task.hand.links]
-        motions = self.balance.motions[list(used[0])].to_json(self.balance.names) if len(used) > 1 else []
+        its = self.balance.motions[list(used[0])] if len(used) > 1 else None
+        motions = its.to_json(self.balance.names, self.task.hand.joints) if its else []
         hits = self.collision.reason.chosen(list(used[-1]))
         bodies = {tuple(key) for key in np.vstack([hits.which[:, :2], hits.which[:, 2:]]).tolist()}
         faces = [
@@ -450,6 +469,7 @@ class JoinedSearch:
     Args:
         collisions: of hand and object. allowed: how deep they may be in each other.
         balance: the search for a proof that no forces balance the loads: its question, its motions.
+        motors: what drives and holds the hand's joints, within their limits.
         saved: what `to_json` made, to go on from.
 
     Raises:
@@ -457,7 +477,14 @@ class JoinedSearch:
     """
 
     def __init__(
-        self, task: Task, collisions: Collisions, allowed: Allowed, balance: NoBalance, *, saved: Any = None
+        self,
+        task: Task,
+        collisions: Collisions,
+        allowed: Allowed,
+        balance: NoBalance,
+        motors: Motors,
+        *,
+        saved: Any = None,
     ) -> None:
         data = read_task(task_to_dict(task))
         links = [link.name for link in data.hand.links]
@@ -467,10 +494,10 @@ class JoinedSearch:
         chosen = [some for size in sizes for some in combinations(range(K), size)]
         self.sets: list[ContactSetSearch] = []
         try:
-            self.sets = [ContactSetSearch(some, data, collisions, solids, balance) for some in chosen]
+            self.sets = [ContactSetSearch(some, data, collisions, solids, balance, motors) for some in chosen]
             for k, part in enumerate(saved or []):
                 f = Fields(part, f"[{k}]")
-                proof = NoGraspProof.read(f, data, solids, balance.placements, balance.names)
+                proof = NoGraspProof.read(f, data, solids, balance.placements, balance.names, motors)
                 self.sets[chosen.index(proof.chosen)].restore(proof)
         except BadFile as bad:
             raise InputError(bad.problem, field=bad.field or None) from None

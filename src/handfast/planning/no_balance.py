@@ -243,7 +243,7 @@ class NoBalance:
         """Refute or halve the first boxes that are open."""
         taken = [self.open[k] for k in range(min(BATCH, len(self.open)))]
         boxes = np.array([node.box for node in taken])
-        closed, tried, effect = self._examined(boxes, np.array([node.tried for node in taken]))
+        closed, tried, effect = self.examined(boxes, np.array([node.tried for node in taken]))
         left = boxes[closed == NO_MOTION][:LOOKED_AT]
         if len(left):
             self._missing(left.mean(axis=2))
@@ -263,9 +263,9 @@ class NoBalance:
                 self.discarded += self._share(node.box)
         self.boxes += len(taken)
 
-    def _examined(self, boxes: Array, last: Integers) -> tuple[Integers, Integers, Array]:
-        """The motion that refutes each of N boxes, and the last that was tried, or NO_MOTION; (N, 2 K) what halving a
-        side may bring.
+    def examined(self, boxes: Array, last: Integers) -> tuple[Integers, Integers, Array]:
+        """Whatever the hand does: the motion that refutes each of N boxes, and the last that was tried, or NO_MOTION;
+        (N, 2 K) what halving a side may bring.
         """
         corners = Corners.of(boxes, self.placements)
         closed, tried, effect = np.full(len(boxes), NO_MOTION), last.copy(), corners.effect
@@ -285,9 +285,7 @@ class NoBalance:
 
     def add_motions(self, new: Motions) -> Integers:
         """More motions; returns their numbers."""
-        first, m = len(self.motions), self.motions
-        weights, line = np.vstack([m.weights, new.weights]), np.vstack([m.line, new.line])
-        self.motions = Motions(weights, line, np.vstack([m.twist, new.twist]))
+        first, self.motions = len(self.motions), self.motions.with_more(new)
         return first + np.arange(len(new))
 
     def _lines(self, corners: Corners, its: Integers) -> Integers:

@@ -10,7 +10,7 @@ import numpy as np
 from handfast.proofs.fields import Array, Integers
 from handfast.proofs.intervals import TINY, ULP, Dual, Interval, cos, cross, join, orthonormal, sin, unit
 from handfast.proofs.replay import Refused
-from handfast.proofs.tasks import CouplingData, TaskData
+from handfast.proofs.tasks import CouplingData, HandData, TaskData
 
 CROOKED = 1e-12  # by which the floats of a link's rotation may miss a rotation
 
@@ -69,6 +69,22 @@ def _driven(
         # the two agree but for rounding: whichever is meant, a solution exists
         shift = Interval.between(np.minimum(shift.lo, lower), np.maximum(shift.hi, lower))
     return 0, Interval.of([0.0]), shift if path else Interval.of([lower])
+
+
+def joint_rates(hand: HandData, own: Array) -> Interval:
+    """(N, l) how fast all joints move where those that no coupling drives move at own (N, l); exactly 0 where none do.
+
+    What own says of coupled joints does not count.
+    """
+    out = []
+    for j in range(len(hand.joints)):
+        path = hand.driving(j)
+        rate = Interval.of(own[:, path[-1].driver if path else j] * (not path or path[-1].driver >= 0))
+        still = (rate.ends == 0).all(axis=1) | any(c.ratio == 0 for c in path)
+        for c in path:
+            rate = rate * c.ratio
+        out.append(Interval(np.where(still[:, None], 0.0, rate.ends))[:, None])
+    return join(out, -1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,14 +16,14 @@ finger that pushes along itself.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
 from handfast.proofs.chains import frames, unit_or_zero
-from handfast.proofs.fields import Array, Fields, refuse_unknown
+from handfast.proofs.fields import Array
 from handfast.proofs.intervals import Interval, cos, cross, dot, sin, sqr, sqrt
+from handfast.proofs.motors import Motors
 from handfast.proofs.regions import ContactSide
 from handfast.proofs.tasks import TaskData
 
@@ -33,85 +33,20 @@ TIGHT = 0.9  # of the least lever arm that was met: a bound that is good enough
 TRIED = 2  # joints of a finger, from the outermost inwards
 
 
-@dataclass(frozen=True, eq=False)
-class Motors:
-    """What drives and holds a hand's joints.
-
-    Attributes:
-        rows: of each actuator, how it moves with the joints, by their indices.
-        limits: of each actuator the largest force with its gearing [N m, N]; inf for none.
-        friction: by joint, its dry friction [N m, N].
-        held: joints with the senses, 1 or -1, in which what holds them can push: springs and passive tendons in both, a
-            stop that is within reach away from it.
-    """
-
-    rows: Sequence[Mapping[int, float]]
-    limits: Sequence[float]
-    friction: Mapping[int, float]
-    held: frozenset[tuple[int, int]]
-
-    @classmethod
-    def read(
-        cls, f: Fields, task: TaskData, torque_limits: Mapping[str, float], command_limit: float = np.inf
-    ) -> Motors:
-        """The `motors` of a grasps file. A motor that can be turned back gives what it is commanded, and no more."""
-        names, limits = task.hand.joints, task.hand.limits
-        rows, most = [], []
-        for part in f.objects("actuators"):
-            name, moved = part.text("name"), part.named("joints")
-            for joint in moved:
-                refuse_unknown(joint, names, "joint", part.at("joints"))
-            rows.append({names.index(joint): x for joint, x in moved.items() if x})
-            back = part.flag("backdrivable", False)
-            most.append(torque_limits.get(name, command_limit if back else np.inf))
-        friction, held = dict[int, float](), set[tuple[int, int]]()
-        if f.has("laws"):
-            laws = f.object("laws")
-            for joint in laws.names():
-                refuse_unknown(joint, names, "joint", laws.place)
-                j, law = names.index(joint), laws.object(joint)
-                friction[j] = law.number("friction", 0.0, least=0.0)
-                low, high = law.take("stops", (None, None))
-                sprung = law.number("stiffness", 0.0) != 0
-                held |= {(j, 1)} if sprung or (low is not None and low >= limits[j, 0]) else set()
-                held |= {(j, -1)} if sprung or (high is not None and high <= limits[j, 1]) else set()
-        if f.has("tendons"):
-            tendons = f.object("tendons")
-            for name in tendons.names():
-                for joint in tendons.object(name).named("joints"):
-                    refuse_unknown(joint, names, "joint", tendons.place)
-                    held |= {(names.index(joint), 1), (names.index(joint), -1)}
-        return cls(rows, most, friction, frozenset(held))
-
-    def work(self, rates: Mapping[int, float]) -> float:
-        """The most that they can do on a motion of joints; inf where that is not limited."""
-        if any((j, int(np.sign(rate))) in self.held for j, rate in rates.items()):
-            return np.inf
-        total = Interval.of(0.0)
-        for row, limit in zip(self.rows, self.limits, strict=True):
-            own = Interval.of(0.0)
-            for j, x in row.items():
-                own = own + Interval.of(x) * rates.get(j, 0.0)
-            if own.mag > 0:
-                if not np.isfinite(limit):
-                    return np.inf
-                total = total + own.mag * Interval.of(limit)
-        for j, rate in rates.items():
-            total = total + Interval.of(abs(rate)) * self.friction.get(j, 0.0)
-        return float(total.hi)
-
-
 def contact_force_limits(task: TaskData, motors: Motors, friction: float) -> Array:
     """(K,) [N] upper bounds of the normal forces at the contacts of a task; inf where there is none."""
     out = np.full(len(task.links), np.inf)
     if not np.isfinite(motors.limits).any():
         return out
+    anywhere = Interval.between(*task.hand.limits.T)[None]
     for k in range(len(out)):
         for lead in _leads(task, k)[:TRIED]:
             rates = _rates(task, lead)
             for sense in (1.0, -1.0) if rates else ():
                 its = {j: sense * rate for j, rate in rates.items()}
-                work = motors.work(its)
+                moved = np.zeros(len(task.hand.joints))
+                moved[list(its)] = list(its.values())
+                work = float(motors.work(Interval.of(moved[None]), anywhere)[0])
                 if not np.isfinite(work):
                     continue
                 arm = least_arm(task, k, its, friction)

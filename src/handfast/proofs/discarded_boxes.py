@@ -6,6 +6,8 @@ A tree halves boxes (`posed_boxes`) until each is empty, as its contacts cannot 
   configuration of the box. Balls about it are inside both, of radii a and b; to part two convex solids that share such
   a point they have to move by a + b at least, and that is more than is let pass.
 - *balance*: no contact forces balance the loads, wherever in the box's parameters the contacts are (`unbalanced`).
+- *slips*: the same with the torques that such forces take at the joints, whatever motors within their limits are
+  commanded: the twist of the object comes with motions of the joints.
 
 A reason has a name, reads its own claims from a file and says which boxes they discard. The tree only knows their
 numbers. What conditions leave of a box (`ContactBoxes.narrowed`) is worked out again by the checker, and halved.
@@ -20,13 +22,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from handfast.proofs.chains import joint_rates
 from handfast.proofs.convex_solids import SolidData, SolidsData
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
 from handfast.proofs.intervals import Dual, Interval
+from handfast.proofs.motors import Motors
 from handfast.proofs.posed_boxes import CHARTS, OBJECT, ContactBoxes, Posed, mean_value
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.tasks import TaskData
-from handfast.proofs.unbalanced import BoxBounds, Motions, Placements, halves
+from handfast.proofs.unbalanced import BoxBounds, HandMotion, Motions, MovedJoint, Placements, halves
 
 BATCH = 64  # boxes that are looked at together
 MANY = 2_000_000  # entries of a tree at most
@@ -135,28 +139,68 @@ class Collision:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """Claims that no contact forces balance the loads: twists of the object.
+    """Claims that no contact forces balance the loads: twists of the object, with motions of the hand's joints or none.
 
     Attributes:
-        columns: of the boxes' coordinates, in the order of the placements' parameters.
+        contacts: all of the task. motors: of its hand.
     """
 
     placements: Placements
     motions: Motions
-    columns: Integers
+    contacts: ContactBoxes
+    motors: Motors
     name = "balance"
 
     def __len__(self) -> int:
         return len(self.motions)
 
+    @property
+    def columns(self) -> Integers:
+        """Of the boxes' coordinates, in the order of the placements' parameters."""
+        return self.contacts.sides.object.columns.ravel()
+
     def chosen(self, claims: Sequence[int]) -> Balance:
         return replace(self, motions=self.motions[list(claims)])
 
     def examined(self, boxes: Boxes, claims: Integers) -> BoxBounds:
-        found = self.placements.examined(boxes.box[:, self.columns], self.motions[claims])
-        reach = np.zeros(boxes.box.shape[:2])
-        reach[:, self.columns] = np.nan_to_num(found.reach)
-        return BoxBounds(found.refuted, reach)
+        out, reach = np.zeros(len(claims), dtype=bool), np.zeros(boxes.box.shape[:2])
+        moved = self.motions.joints[claims] != 0
+        for these in np.unique(moved, axis=0):
+            its = np.flatnonzero((moved == these).all(axis=1))
+            motions = self.motions[claims[its]]
+            if these.any():
+                over_all = replace(self.placements, side=self.contacts.sides.object)
+                hand = hand_motion(self.contacts, self.motors, boxes.some(its), motions.joints)
+                found = over_all.examined(boxes.box[its], motions, hand)
+                reach[its] = np.nan_to_num(found.reach)
+            else:
+                found = self.placements.examined(boxes.box[its][:, self.columns], motions)
+                reach[np.ix_(its, self.columns)] = np.nan_to_num(found.reach)
+            out[its] = found.refuted
+        return BoxBounds(out, reach)
+
+
+def hand_motion(contacts: ContactBoxes, motors: Motors, boxes: Boxes, own: Array) -> HandMotion:
+    """Motions of a hand in N boxes, in which the joints that no coupling drives move at own (N, l)."""
+    task, drive = contacts.task, contacts.sides.drive
+    hand, rates = task.hand, joint_rates(task.hand, own)
+    ends = np.tile(hand.limits, (len(own), 1, 1)) * [-1.0, 1.0]
+    ends[:, list(drive.joints)] = boxes.over.joints.value.ends
+    carried = [{j for i in hand.path(link) for j in hand.links[i].joints} for link in task.links]
+    moved = [j for j in drive.joints if rates.ends[:, j].any() and any(j in its for its in carried)]
+    of = {j: tuple(k for k, its in enumerate(carried) if j in its) for j in moved}
+    over, middle = (
+        tuple(MovedJoint(rates[:, j], *axes[j], bool(hand.revolute[j]), of[j]) for j in moved)
+        for axes in (contacts.axes(at, moved) for at in (boxes.over, boxes.middle))
+    )
+    turned, slid = (Interval.of(rates.mag[:, those]).sum().hi for those in (hand.revolute, ~hand.revolute))
+    return HandMotion(
+        over,
+        middle,
+        motors.work(-rates, Interval(ends)),
+        turned,
+        np.where(rates.mag[:, ~hand.revolute].any(axis=1), slid, 0.0),
+    )
 
 
 def inside(solid: SolidData, points: Array) -> Array:
@@ -316,7 +360,13 @@ class NoGraspProof:
 
     @classmethod
     def read(
-        cls, f: Fields, task: TaskData, solids: SolidsData, placements: Placements, names: Sequence[str]
+        cls,
+        f: Fields,
+        task: TaskData,
+        solids: SolidsData,
+        placements: Placements,
+        names: Sequence[str],
+        motors: Motors,
     ) -> NoGraspProof:
         """`BadFile` for what cannot be one of such a task; `Refused` as of `ContactBoxes` and faces of meshes."""
         K, links = len(task.links), [link.name for link in task.hand.links]
@@ -325,11 +375,13 @@ class NoGraspProof:
             raise BadFile(f"is {said}; contacts from 0 to {K - 1} in order are needed", f.at("contacts"))
         chosen = tuple(int(k) for k in said)
         contacts = ContactBoxes.of(task.part(chosen))
-        motions = Motions.read(f, names, K)
+        hand = contacts.task.hand
+        free = [name if not hand.driving(j) and j in contacts.task.moving else "" for j, name in enumerate(hand.joints)]
+        motions = Motions.read(f, names, K, free)
         if len(motions) and len(chosen) < K:
             raise BadFile("are there, but not all contacts", f.at("motions"))
         faced = _faced(f, solids, links)
-        balance = Balance(placements, motions, contacts.sides.object.columns.ravel())
+        balance = Balance(placements, motions, contacts, motors)
         collision = Collision.read(f, faced, links, contacts.placed)
         tree = BoxTree.read(f, len(contacts.root), len(balance) + len(collision))
         f.done()
@@ -353,16 +405,17 @@ def _faced(f: Fields, solids: SolidsData, links: Sequence[str]) -> SolidsData:
 
 
 def replay_no_grasp(
-    task: TaskData, solids: SolidsData, placements: Placements, names: Sequence[str], f: Fields
+    task: TaskData, solids: SolidsData, placements: Placements, names: Sequence[str], motors: Motors, f: Fields
 ) -> Replay:
-    """The claim that no configuration meets a task's contacts, is free of collision, and lets forces balance the loads.
+    """The claim that no configuration meets a task's contacts, is free of collision, and lets forces within the limits
+    of motors balance the loads.
 
     Raises:
         BadFile: what is wrong with the file.
     """
     claim = "every configuration is discarded"
     try:
-        proof = NoGraspProof.read(f, task, solids, placements, names)
+        proof = NoGraspProof.read(f, task, solids, placements, names, motors)
         left, done = proof.tree.checked(proof.contacts, proof.reasons)
     except Refused as why:
         return Replay("no grasp", claim, str(why))
@@ -370,39 +423,49 @@ def replay_no_grasp(
     if left:
         return Replay("no grasp", claim, f"{len(left)} boxes are open", figures)
     counts = Discarded.of(proof, done)
-    figures |= {"contacts": counts.contacts, "balance": counts.balance, "collision": counts.collision.total()}
+    figures |= {"contacts": counts.contacts, "balance": counts.balance, "slips": counts.slips}
+    figures |= {"collision": counts.collision.total()}
     return Replay("no grasp", counts.words(proof.contacts.task, proof.collision.solids), "", figures)
 
 
 @dataclass(frozen=True)
 class Discarded:
-    """How many boxes are discarded by each reason; by collision for each link and what it is in."""
+    """How many boxes are discarded by each reason; by collision for each link and what it is in.
+
+    Attributes:
+        slips: by twists that come with motions of joints.
+    """
 
     contacts: int
     balance: int
+    slips: int
     collision: Counter[tuple[int, int]]
 
     @classmethod
     def of(cls, proof: NoGraspProof, done: Mapping[int, int]) -> Discarded:
         """By the entries of a tree."""
         pairs: Counter[tuple[int, int]] = Counter()
-        first = 2 + len(proof.balance)
+        first, moved, forces = 2 + len(proof.balance), proof.balance.motions.moved, [0, 0]
         for x, count in done.items():
             if x <= -first:
                 link, _, body, _ = proof.collision.which[-first - x].tolist()
                 pairs[link, body] += count
-        return cls(done.get(CONTACTS, 0), sum(count for x, count in done.items() if -first < x <= -2), pairs)
+            elif x <= -2:
+                forces[int(moved[-2 - x])] += count
+        return cls(done.get(CONTACTS, 0), forces[0], forces[1], pairs)
 
     def words(self, task: TaskData, solids: SolidsData) -> str:
         """What is shown of the contacts of a task, and the share of each reason."""
-        whole = self.contacts + self.balance + self.collision.total()
+        whole = self.contacts + self.balance + self.slips + self.collision.total()
         links = [link.name for link in task.hand.links]
         parts = []
         for (link, body), count in self.collision.most_common():
             other = "the object" if body == OBJECT else links[body]
             deep = f"{1e3 * solids.depth_allowed(link, body):.3g} mm"
             parts.append((count, f"{links[link]} is more than {deep} inside {other}"))
-        parts += [(self.balance, "no contact forces balance the loads"), (self.contacts, "they cannot touch so")]
+        slips = "it slips, whatever the motors do within their limits"
+        parts += [(self.balance, "no contact forces balance the loads"), (self.slips, slips)]
+        parts += [(self.contacts, "they cannot touch so")]
         said = ", or ".join(f"{words} ({100 * count / whole:.3g} %)" for count, words in parts if count)
         touching = ", ".join(links[i] for i in task.links)
         return f"wherever {touching} would touch as asked, {said} of {whole} boxes"

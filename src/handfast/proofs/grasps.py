@@ -20,13 +20,14 @@ import numpy as np
 from handfast.proofs import answers
 from handfast.proofs.configurations import check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
-from handfast.proofs.contact_force_limits import Motors, contact_force_limits
+from handfast.proofs.contact_force_limits import contact_force_limits
 from handfast.proofs.convex_solids import SolidsData
 from handfast.proofs.discarded_boxes import replay_no_grasp
 from handfast.proofs.existence import prove
 from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp
+from handfast.proofs.motors import Motors
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
@@ -52,7 +53,8 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     verdict, said = answer.text("verdict", among=("found", "none", "undecided")), answer.take("loads")
     for name in ("checksum", "record"):
         f.take(name)
-    limits = terms.force_limits(task, driven)
+    motors = terms.motors(task, driven)
+    limits = terms.force_limits(task, motors)
     none = f.object("none") if f.has("none") else None
     bound = f.object("bound") if f.has("bound") else None
     f.done()
@@ -72,7 +74,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     if none is not None and refused:
         return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
     if none is not None:
-        return _none(none, task, (terms.friction, limits), loads, center, solids)
+        return _none(none, task, (terms.friction, limits), loads, center, solids, motors)
     try:
         equations = ContactEquations.of(task)
     except Refused as fault:
@@ -95,6 +97,7 @@ def _none(
     loads: Mapping[str, Array],
     center: Array | None,
     solids: Fields | None,
+    motors: Motors,
 ) -> Replay:
     """The claim that there is no grasp.
 
@@ -112,7 +115,7 @@ def _none(
     if solids is None:
         raise BadFile("is missing", "question.solids")
     shapes = SolidsData.read(solids, [link.name for link in task.hand.links])
-    part = replay_no_grasp(task, shapes, placements, list(loads), f)
+    part = replay_no_grasp(task, shapes, placements, list(loads), motors, f)
     return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES, SOLIDS))
 
 
@@ -135,10 +138,13 @@ class _Terms:
         self.command_limit = f.number("command_limit") if f.has("command_limit") else np.inf
         f.done()
 
-    def force_limits(self, task: TaskData, motors: Any) -> Array:
+    def motors(self, task: TaskData, driven: Any) -> Motors:
+        """What drives the hand, within these limits."""
+        return Motors.read(Fields(driven, "motors"), task, self.torque_limits, self.command_limit)
+
+    def force_limits(self, task: TaskData, motors: Motors) -> Array:
         """(K,) [N] of the normal forces at the contacts, by `force_limit` and by what the motors can do."""
-        own = Motors.read(Fields(motors, "motors"), task, self.torque_limits, self.command_limit)
-        return np.minimum(contact_force_limits(task, own, self.friction), self.force_limit)
+        return np.minimum(contact_force_limits(task, motors, self.friction), self.force_limit)
 
 
 def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | None]:

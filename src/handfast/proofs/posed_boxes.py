@@ -11,6 +11,7 @@ derivatives. The conditions of the contacts, of the pose bounds and of coupled j
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -86,18 +87,20 @@ class Posed:
     Attributes:
         poses: of links and `PALM`. object: the object's rotation, and where its first contact is.
         contact: (N, 3) where that is in the object's own frame. rows: (N, C) of the conditions.
+        joints: (N, J) values of the moving joints.
     """
 
     poses: dict[int, Pose]
     object: Pose
     contact: Dual
     rows: Dual
+    joints: Dual
 
     def some(self, its: Integers) -> Posed:
         """Of some of the boxes."""
         poses = {link: Pose(_some(p.rotation, its), _some(p.place, its)) for link, p in self.poses.items()}
         thing = Pose(_some(self.object.rotation, its), _some(self.object.place, its))
-        return Posed(poses, thing, _some(self.contact, its), _some(self.rows, its))
+        return Posed(poses, thing, *(_some(a, its) for a in (self.contact, self.rows, self.joints)))
 
     def relative(self, link: int, body: int) -> Pose:
         """The frame of a link in that of another one, or of the `OBJECT`."""
@@ -111,6 +114,14 @@ class Posed:
         back, at = self._back(body)
         out = _turned(back, self.poses[link].moved(Dual.constant(Interval.of(points), n)) - at)
         return out + self.contact if body == OBJECT else out
+
+    def axis(self, at: Pose, axis: Interval, anchor: Array) -> tuple[Dual, Dual]:
+        """(N, 3) the direction of a joint's axis, and a point on it, of a frame `at` in that of the `OBJECT`."""
+        n, N = self.rows.slope.shape[0], len(self.rows.value.ends)
+        back, place = self._back(OBJECT)
+        along, point = (Interval(np.broadcast_to(a.ends, (N, 3, 2))) for a in (axis, Interval.of(anchor)))
+        turned = _turned(back, _turned(at.rotation, Dual.constant(along, n)))
+        return turned, _turned(back, at.moved(Dual.constant(point, n)) - place) + self.contact
 
     def _back(self, body: int) -> tuple[Dual, Dual]:
         """(N, 3, 3) into the frame of a body; (N, 3) its origin, of the object its first contact: near what matters."""
@@ -160,8 +171,8 @@ class ContactBoxes:
 
     def at(self, x: Interval, charts: Integers, n: int) -> Posed:
         """Where all is at coordinates (N, m) in charts (N,), with derivatives by n of them: all, or none."""
-        poses, sides = self._poses(x, n), self.sides
-        R = self._rotation(x, charts, n)
+        sides, joints = self.sides, _with(self.sides.drive.at(x), self._gains(n))
+        poses, R = self._poses(joints), self._rotation(x, charts, n)
         hand, thing = sides.hand.at(x), sides.object.at(x)
         at = thing.point + thing.normal * sides.radius
         point, axis, _, _ = (sides.hand.spread(a, n) for a in hand)
@@ -177,9 +188,22 @@ class ContactBoxes:
             facing.append((dot(seen, normal[..., k, :]) * float(sides.sign[k, 0]))[..., None])
             if not region.ball:
                 level += [dot(seen, t[..., k, :])[..., None] for t in tangents]
-        rows += facing + level + [_with(self.sides.drive.at(x), self._gains(n))]
+        rows += facing + level + [joints]
         rows += self._pose_rows(poses, Pose(R, origin), lifted[..., 0, :])
-        return Posed(poses, Pose(R, origin), lifted[..., 0, :], join(rows, -1))
+        return Posed(poses, Pose(R, origin), lifted[..., 0, :], join(rows, -1), joints)
+
+    def axes(self, at: Posed, wanted: Collection[int]) -> dict[int, tuple[Dual, Dual]]:
+        """Of joints that move the contacts: direction and a point (N, 3) of the axis in the object's frame."""
+        out: dict[int, tuple[Dual, Dual]] = {}
+        for e in {e.child: e for e in self.edges}.values():
+            pose, ahead = at.poses[e.child], [self.sides.drive.joints[step.column] for step in e.steps]
+            for step in reversed(e.steps):  # a joint leaves its own axis where it is
+                j = ahead.pop()
+                if j in wanted:
+                    out[j] = at.axis(pose, step.axis, step.anchor)
+                if ahead and {*ahead} & {*wanted}:
+                    pose = pose.then(_step_pose(step, at.joints).inverse)
+        return out
 
     def narrowed(self, box: Array, over: Posed, middle: Posed) -> tuple[Mask, Array, Array]:
         """Which boxes (N, n, 2) may hold a configuration; where in them; what sides change in conditions (N, n, C)."""
@@ -200,9 +224,8 @@ class ContactBoxes:
             ends[drive.column, np.arange(len(drive.joints))] = drive.gain.ends
         return Interval(ends)
 
-    def _poses(self, x: Interval, n: int) -> dict[int, Pose]:
-        joints = _with(self.sides.drive.at(x), self._gains(n))
-        N = x.shape[0]
+    def _poses(self, joints: Dual) -> dict[int, Pose]:
+        n, N = joints.slope.shape[0], joints.value.shape[0]
         eye, zero = Interval.of(np.tile(np.eye(3), (N, 1, 1))), Interval.of(np.zeros((N, 3)))
         out = {self.task.links[0]: Pose(Dual.constant(eye, n), Dual.constant(zero, n))}
         steps: dict[int, Pose] = {}
@@ -285,17 +308,22 @@ def _edge_pose(e: _Edge, joints: Dual, N: int, n: int) -> Pose:
     """Of the child in its parent's frame."""
     frame = Interval(np.broadcast_to(e.rotation.ends, (N, 3, 3, 2)))
     pose = Pose(Dual.constant(frame, n), Dual.constant(Interval.of(np.tile(e.place, (N, 1))), n))
-    eye = Interval.of(np.tile(np.eye(3), (N, 1, 1)))
     for step in e.steps:
-        by = joints[..., step.column] - step.ref
-        if not step.revolute:
-            pose = pose.then(Pose(Dual.constant(eye, n), by[..., None] * step.axis))
-            continue
-        s, c = sin(by)[..., None, None], cos(by)[..., None, None]
-        turned = s * step.turn + (1.0 - c) * step.twice + eye
-        anchor = Dual.constant(Interval.of(np.tile(step.anchor, (N, 1))), n)
-        pose = pose.then(Pose(turned, anchor - _turned(turned, anchor)))
+        pose = pose.then(_step_pose(step, joints))
     return pose
+
+
+def _step_pose(step: _Step, joints: Dual) -> Pose:
+    """Where a joint has moved its link, in the frame before it."""
+    n, N = joints.slope.shape[0], joints.value.shape[0]
+    eye = Interval.of(np.tile(np.eye(3), (N, 1, 1)))
+    by = joints[..., step.column] - step.ref
+    if not step.revolute:
+        return Pose(Dual.constant(eye, n), by[..., None] * step.axis)
+    s, c = sin(by)[..., None, None], cos(by)[..., None, None]
+    turned = s * step.turn + (1.0 - c) * step.twice + eye
+    anchor = Dual.constant(Interval.of(np.tile(step.anchor, (N, 1))), n)
+    return Pose(turned, anchor - _turned(turned, anchor))
 
 
 def _with(value: Interval, gains: Interval) -> Dual:

@@ -15,6 +15,10 @@ than -f (mu |u_t| - n.u), and the load has to do more than all of these. Of a su
 them: the sum of what balances each, by its weight, is no larger. So there is a factor on the loads from which on a
 twist refutes a box: the proof with a factor says that no placement holds the loads so many times, or more.
 
+The twist may come with motions of the hand's joints, where it is known how the hand stands (`HandMotion`). With u the
+motion of the object relative to the hand's point, the load then has to do more work than motors and what else holds the
+joints can do against them (equation (2), virtual work).
+
 A proof is a tree of boxes, halved until each has such a twist. Every box is checked in interval arithmetic. The
 load may be missed by as much as a state that holds may miss it (`tolerance`).
 """
@@ -22,13 +26,13 @@ load may be missed by as much as a state that holds may miss it (`tolerance`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
-from handfast.proofs.intervals import Dual, Interval, cross, dot, sqr, sqrt, unit
+from handfast.proofs.intervals import Dual, Interval, cross, dot, join, sqr, sqrt, unit
 from handfast.proofs.regions import ContactSide, RegionData
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.tolerance import EPS, LEAST
@@ -50,22 +54,44 @@ class Motions:
         weights: (N, k) of the loads, of which the sum does work on it.
         line: (N, 2) the two contacts about whose line it turns, from the first to the second; -1 if it is constant.
         twist: (N, 6) v [m/s] of the object's origin and omega [rad/s] if it is constant, else 0. Any size will do.
+        joints: (N, l) motions of the hand's joints beside it [rad/s, m/s], 0 of those that couplings drive; (N, 0)
+            where none move.
     """
 
     weights: Array
     line: Integers
     twist: Array
+    joints: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.joints.size:
+            object.__setattr__(self, "joints", np.zeros((len(self.weights), 0)))
 
     def __getitem__(self, key: Any) -> Motions:
-        return Motions(self.weights[key], self.line[key], self.twist[key])
+        return Motions(self.weights[key], self.line[key], self.twist[key], self.joints[key])
+
+    @property
+    def moved(self) -> Mask:
+        """(N,) which come with motions of joints."""
+        return np.asarray((self.joints != 0).any(axis=1))
+
+    def with_more(self, new: Motions) -> Motions:
+        """These, and others behind them."""
+        l = max(self.joints.shape[1], new.joints.shape[1])
+        moved = [np.hstack([m.joints, np.zeros((len(m), l - m.joints.shape[1]))]) for m in (self, new)]
+        both = [(self.weights, new.weights), (self.line, new.line), (self.twist, new.twist), moved]
+        return Motions(*(np.concatenate(pair) for pair in both))
 
     def __len__(self) -> int:
         return len(self.weights)
 
     @classmethod
-    def read(cls, f: Fields, names: Sequence[str], contacts: int) -> Motions:
-        """From the field `motions`; `BadFile` for what cannot be one of such loads and contacts."""
-        weights, line, twist = [], [], []
+    def read(cls, f: Fields, names: Sequence[str], contacts: int, joints: Sequence[str] = ()) -> Motions:
+        """From the field `motions`; `BadFile` for what cannot be one of such loads and contacts.
+
+        joints: of the hand; those that may not move are ''.
+        """
+        weights, line, twist, moved = [], [], [], []
         for motion in f.objects("motions"):
             weighed = motion.named("loads")
             for name, x in weighed.items():
@@ -81,17 +107,81 @@ class Motions:
             weights.append([weighed.get(name, 0.0) for name in names])
             line.append(pair)
             twist.append(motion.numbers("twist", (6,)).tolist() if both[1] else [0.0] * 6)
+            rates = motion.named("joints") if motion.has("joints") else {}
+            for joint in rates:
+                refuse_unknown(joint, [name for name in joints if name], "joint", motion.at("joints"))
+            moved.append([rates.get(joint, 0.0) for joint in joints])
             motion.done()
-        pairs = np.array(line, dtype=np.int64).reshape(-1, 2)
-        return cls(np.array(weights).reshape(-1, len(names)), pairs, np.array(twist).reshape(-1, 6))
+        pairs, rows = np.array(line, dtype=np.int64).reshape(-1, 2), np.array(moved).reshape(len(moved), len(joints))
+        return cls(np.array(weights).reshape(-1, len(names)), pairs, np.array(twist).reshape(-1, 6), rows)
 
-    def to_json(self, names: Sequence[str]) -> list[dict[str, Any]]:
-        """Each with the weights of its loads, by name."""
-        return [
-            {"loads": {name: x for name, x in zip(names, weights, strict=True) if x}}
-            | ({"twist": twist} if line[0] < 0 else {"line": line})
-            for weights, line, twist in zip(self.weights.tolist(), self.line.tolist(), self.twist.tolist(), strict=True)
-        ]
+    def to_json(self, names: Sequence[str], joints: Sequence[str] = ()) -> list[dict[str, Any]]:
+        """Each with the weights of its loads, by name, and the motions of joints, where there are any."""
+        out = []
+        for weights, line, twist, moved in zip(
+            *(a.tolist() for a in (self.weights, self.line, self.twist, self.joints)), strict=True
+        ):
+            said: dict[str, Any] = {"loads": {name: x for name, x in zip(names, weights, strict=True) if x}}
+            rates = {name: x for name, x in zip(joints, moved, strict=True) if x} if any(moved) else {}
+            out.append(
+                said | ({"twist": twist} if line[0] < 0 else {"line": line}) | ({"joints": rates} if rates else {})
+            )
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class MovedJoint:
+    """A joint in N boxes.
+
+    Attributes:
+        rates: (N,) [rad/s, m/s]. axis, anchor: (N, 3) its direction and a point on it, object frame. revolute: else it
+            slides. contacts: that it moves.
+    """
+
+    rates: Interval
+    axis: Dual
+    anchor: Dual
+    revolute: bool
+    contacts: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class HandMotion:
+    """Motions of the joints of a hand in N boxes, beside twists of the object.
+
+    Attributes:
+        joints: that move, over the boxes. middle: the same in their middles.
+        resisted: (N,) the most that motors, and what else holds the joints, can do against their motions.
+        turned, slid: (N,) sums of the sizes of their motions, of revolute and prismatic ones.
+    """
+
+    joints: tuple[MovedJoint, ...]
+    middle: tuple[MovedJoint, ...]
+    resisted: Array
+    turned: Array
+    slid: Array
+
+    def some(self, its: Integers) -> HandMotion:
+        """Of some of the boxes."""
+        over, middle = (tuple(_some_joint(j, its) for j in joints) for joints in (self.joints, self.middle))
+        return HandMotion(over, middle, self.resisted[its], self.turned[its], self.slid[its])
+
+    def velocity(self, point: Dual, about: Array, *, middle: bool) -> Dual:
+        """(N, K, 3) of the hand's points of the contacts at `point` (N, K, 3), from (N, 3) on."""
+        parts: list[list[Dual]] = [[] for _ in range(point.value.shape[1])]
+        for joint in self.middle if middle else self.joints:
+            for k in joint.contacts:
+                along = joint.axis
+                if joint.revolute:
+                    along = cross(along, point[..., k, :] - (joint.anchor - about))
+                parts[k].append(along * joint.rates[:, None])
+        none = point[..., 0, :] * 0.0
+        return join([sum(each, none)[..., None, :] for each in parts], -2)
+
+
+def _some_joint(joint: MovedJoint, its: Integers) -> MovedJoint:
+    axis, anchor = (Dual(a.value[its], Interval(a.slope.ends[:, its])) for a in (joint.axis, joint.anchor))
+    return replace(joint, rates=joint.rates[its], axis=axis, anchor=anchor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,10 +257,10 @@ class Placements:
         at = self.side.at(Interval.of(parameters))
         return at.point.value.mid, -at.normal.value.mid
 
-    def examined(self, boxes: Array, motions: Motions) -> BoxBounds:
-        """What the twists show of boxes (N, 2 K, 2)."""
+    def examined(self, boxes: Array, motions: Motions, hand: HandMotion | None = None) -> BoxBounds:
+        """What the twists show of boxes (N, 2 K, 2), or with the motions of a hand of boxes in which it stands."""
         refuted, reach = np.zeros(len(boxes), dtype=bool), np.full(boxes.shape[:2], np.nan)
-        for some, bounds in self._bounds(boxes, motions):
+        for some, bounds in self._bounds(boxes, motions, hand):
             refuted[some], reach[some] = bounds.shown(np.full(len(some), self.factor))
         return BoxBounds(refuted, reach)
 
@@ -190,18 +280,20 @@ class Placements:
             found[some] = np.where(shown, np.exp(high), np.inf)
         return found, reach
 
-    def _bounds(self, boxes: Array, motions: Motions) -> Iterator[tuple[Integers, _WorkBounds]]:
+    def _bounds(
+        self, boxes: Array, motions: Motions, hand: HandMotion | None = None
+    ) -> Iterator[tuple[Integers, _WorkBounds]]:
         """What is computed once for boxes, some of them at a time, with their numbers."""
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
             for line in np.unique(motions.line, axis=0):
                 its = np.flatnonzero((motions.line == line).all(axis=1))
                 for some in _batches(its):
                     over, at = Interval.between(*np.moveaxis(boxes[some], 2, 0)), boxes[some].mean(axis=2)
-                    moved = motions[some], tuple(line.tolist())
+                    moved = motions[some], tuple(line.tolist()), hand and hand.some(some)
                     works = self._works(over, *moved, boxes.shape[1]), self._works(Interval.of(at), *moved, 0)
                     yield some, _WorkBounds(*works, over - at)
 
-    def _works(self, x: Interval, motions: Motions, line: tuple[int, int], n: int) -> _Works:
+    def _works(self, x: Interval, motions: Motions, line: tuple[int, int], hand: HandMotion | None, n: int) -> _Works:
         """At parameters (N, 2 K), with n derivatives or none."""
         at = self.side.over(x) if n else self.side.at(x)
         point, normal = (self.side.spread(a, n) for a in (at.point, at.normal))
@@ -218,28 +310,41 @@ class Placements:
             omega = second - first
             v = cross(first, omega)
         u = v[..., None, :] + cross(omega[..., None, :], point)
+        if hand is not None:
+            u = u - hand.velocity(point, about, middle=not n)
         work = dot(v, Dual.constant(force, n)) + dot(omega, Dual.constant(torque, n))
         pushed = dot(-normal, u)
-        missed = self._missed(point.value, about, (v.value, omega.value), motions.weights, line)
+        missed = self._missed(point.value, about, (v.value, omega.value), motions.weights, line, hand)
+        moving = {k for joint in hand.joints for k in joint.contacts} if hand else {}
+        rest = [k for k in line if k not in moving]
         bounded, free = (
-            [k for k in np.flatnonzero(these).tolist() if k not in line] for these in (self.limited, ~self.limited)
-        )  # the others rest
+            [k for k in np.flatnonzero(these).tolist() if k not in rest] for these in (self.limited, ~self.limited)
+        )
         resisted, cones = None, None
+        together = Interval.of(motions.weights).sum()  # forces of each load, by its weight, add up to as much
         if bounded:
             slip = sqrt(sqr(u + pushed[..., None] * normal).sum())
             most = sqrt(sqr(u.value).sum()).hi * (np.hypot(1.0, self.friction) * MORE)  # whatever the normal is
             short = _positive(slip * self.friction - pushed, most)[..., bounded]
-            together = Interval.of(motions.weights).sum()  # forces of each load, by its weight, add up to as much
             resisted = (short * self.force_limits[bounded]).sum() * Dual.constant(together, n)
+        if hand is not None:
+            by_motors = Dual.constant(Interval.of(hand.resisted) * together, n)
+            resisted = by_motors if resisted is None else resisted + by_motors
         if free:
             its = pushed[..., free]
             cones = its - sqrt(sqr(u[..., free, :]).sum()) * self.sine if self.friction else its
         return _Works(work, resisted, cones, missed)
 
     def _missed(
-        self, p: Interval, about: Array, twist: tuple[Interval, Interval], weights: Array, line: tuple[int, int]
+        self,
+        p: Interval,
+        about: Array,
+        twist: tuple[Interval, Interval],
+        weights: Array,
+        line: tuple[int, int],
+        hand: HandMotion | None,
     ) -> Array:
-        """(N,) an upper bound of the work of what a state may miss of the load, see `tolerance`.
+        """(N,) an upper bound of the work of what a state may miss of load and joint torques, see `tolerance`.
 
         Contacts p are given from points (N, 3), of which v in the twist is the velocity. The torque of a load is about
         the centroid c of the contacts, their size the largest distance from it. Of a single contact, which has no size,
@@ -255,7 +360,11 @@ class Placements:
         if p.shape[1] == 2 and line[0] >= 0:
             moves = np.zeros(len(moves))  # the centroid is on the line
         of_force = f if p.shape[1] == 1 else f + moment / smallest
-        missed = EPS * (np.where(moves > 0, of_force * moves, 0.0) + (f * largest + moment) * turns) * MORE**8
+        missed = np.where(moves > 0, of_force * moves, 0.0) + (f * largest + moment) * turns
+        if hand is not None:  # a single contact has no size
+            missed = missed + np.where(hand.slid > 0, of_force * hand.slid, 0.0) + (f * largest + moment) * hand.turned
+            missed = missed if p.shape[1] > 1 else np.full(len(missed), np.inf)
+        missed = EPS * missed * MORE**8
         return np.where(np.maximum(f, moment) > LEAST, missed, np.inf)
 
     def line_distance(self, center: Array) -> float:

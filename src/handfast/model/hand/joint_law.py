@@ -13,8 +13,6 @@ from handfast.core.errors import InputError, require_not_negative
 from handfast.core.schema import OPEN, InFiles, NullFor
 
 LAWS = ("stops", "friction", "springs")
-STOP_ANGLE = 1e-3  # [rad] a joint this near to its stop stands at it: its fingertip, 0.1 m away, is within 0.1 mm
-STOP_TRAVEL = 1e-4  # [m] the same of a slide; both are less than the gap across which surfaces still touch
 FREE = (-np.inf, np.inf)
 
 

@@ -1,0 +1,102 @@
+"""What motors, and all else that holds joints, can do at most on a motion of these: by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast import load_hand
+from handfast.planning.results.grasps_file import motors_to_dict
+from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.intervals import Interval
+from handfast.proofs.motors import Motors
+from handfast.proofs.tasks import read_task
+from handfast.synthesis.embedded_task import task_to_dict
+from tests.support.holds import grip
+
+NONE = {"friction": 0.0, "stiffness": 0.0, "rest": [0.0, 0.0], "stops": [None, None]}
+
+
+def work(
+    rates: Sequence[float],
+    limits: dict[str, float],
+    actuators: list[dict[str, Any]] | None = None,
+    at: Sequence[Sequence[float]] = ((0.01, 0.02), (0.01, 0.02)),
+    command: float = np.inf,
+    **laws: Any,
+) -> float:
+    """On motions of left_slide and right_slide; laws: of left_slide."""
+    task = read_task(task_to_dict(grip(0.05)))
+    named = actuators or [{"name": "grip", "joints": {"left_slide": 1.0}}]
+    said: dict[str, Any] = {"actuators": named}
+    said |= {"laws": {"left_slide": NONE | laws}} if laws else {}
+    motors = Motors.read(Fields(said), task, limits, command)
+    joints = Interval.between(*np.array(at).T)
+    return float(motors.work(Interval.of(np.array(rates)[None]), joints[None])[0])
+
+
+def test_a_motor_does_its_limit_times_its_motion_either_way() -> None:
+    assert work([0.5, 0.0], {"grip": 20.0}) == pytest.approx(10.0)
+    assert work([-0.5, 0.0], {"grip": 20.0}) == pytest.approx(10.0)
+    assert work([0.0, 3.0], {"grip": 20.0}) == pytest.approx(0.0, abs=1e-200)
+
+
+def test_gearing_without_a_limit_does_any_work_where_it_moves() -> None:
+    assert np.isinf(work([1e-9, 0.0], {}))
+    assert work([0.0, 1.0], {}) == pytest.approx(0.0, abs=1e-200)
+
+
+def test_a_tendon_only_pulls() -> None:
+    """Its row is 2 left - right; on motions against its pull it does nothing, with or without a limit."""
+    tendon = [{"name": "t", "joints": {"left_slide": 2.0, "right_slide": -1.0}, "tendon": True}]
+    assert work([1.0, 0.5], {"t": 4.0}, tendon) == pytest.approx(6.0)
+    assert work([-1.0, 0.5], {"t": 4.0}, tendon) == pytest.approx(0.0, abs=1e-200)
+    assert work([-1.0, 0.5], {}, tendon) == pytest.approx(0.0, abs=1e-200)
+    assert np.isinf(work([1.0, 0.5], {}, tendon))
+
+
+def test_several_motors_add_up() -> None:
+    two = [{"name": n, "joints": {f"{n}_slide": 1.0}} for n in ("left", "right")]
+    assert work([1.0, -2.0], {"left": 3.0, "right": 5.0}, two) == pytest.approx(13.0)
+
+
+def test_a_motor_that_is_turned_back_gives_no_more_than_either_limit() -> None:
+    back = [{"name": "grip", "joints": {"left_slide": 1.0}, "backdrivable": True}]
+    assert work([1.0, 0.0], {}, back, command=7.0) == pytest.approx(7.0)
+    assert work([1.0, 0.0], {"grip": 5.0}, back, command=7.0) == pytest.approx(5.0)
+    assert np.isinf(work([1.0, 0.0], {}, command=7.0))
+
+
+def test_friction_resists_either_way_and_springs_without_a_limit() -> None:
+    assert work([-0.5, 0.0], {"grip": 20.0}, friction=4.0) == pytest.approx(12.0)
+    assert np.isinf(work([0.5, 0.0], {"grip": 20.0}, stiffness=1.0))
+    assert work([0.0, 0.5], {"grip": 20.0}, stiffness=1.0) == pytest.approx(0.0, abs=1e-200)
+
+
+@pytest.mark.parametrize(("stops", "up", "down"), [([0.01, None], True, False), ([None, 0.02], False, True)])
+def test_a_stop_pushes_away_from_itself(stops: list[float | None], up: bool, down: bool) -> None:
+    """The left slide is between 10 and 20 mm; a stop counts within 0.1 mm."""
+    for sense, leans in ((1.0, up), (-1.0, down)):
+        assert np.isinf(work([sense, 0.0], {"grip": 20.0}, stops=stops)) == leans
+        beyond = [None if end is None else end + side * 0.9e-4 for end, side in zip(stops, (-1, 1), strict=True)]
+        assert np.isinf(work([sense, 0.0], {"grip": 20.0}, stops=beyond)) == leans
+        away = [None if end is None else end + side * 1.1e-4 for end, side in zip(stops, (-1, 1), strict=True)]
+        assert work([sense, 0.0], {"grip": 20.0}, stops=away) == pytest.approx(20.0)
+
+
+def test_passive_tendons_push_without_a_limit() -> None:
+    task = read_task(task_to_dict(grip(0.05)))
+    said = {"actuators": [], "tendons": {"t": {"joints": {"right_slide": 1.0}}}}
+    motors = Motors.read(Fields(said), task, {})
+    assert motors.sprung.tolist() == [name == "right_slide" for name in task.hand.joints]
+    with pytest.raises(BadFile, match="has unknown joint 'elbow'"):
+        Motors.read(Fields({"actuators": [{"name": "a", "joints": {"elbow": 1.0}}]}), task, {})
+
+
+def test_bundled_hands_can_be_read() -> None:
+    task = read_task(task_to_dict(grip(0.05)))
+    motors = Motors.read(Fields(motors_to_dict(load_hand("parallel-gripper"))), task, {"grip": 60.0})
+    assert motors.limits.tolist() == [60.0]
