@@ -11,6 +11,11 @@
 - *held*: tasks cut around contacts that hold: flat and curved regions of 2 mm about contacts of bundled grasps and of
   random ones, loads that forces in the friction cones balance, some on the edge of a cone, half of them with a limit
   of normal forces that one of them reaches. None may be refuted, and no box about the contacts.
+- *held_by_motors*: the same within limits of torques: certified configurations of two and three contacts, loads that
+  forces within their friction cones balance, limits of torques that these forces just reach. No box about a
+  configuration may be discarded, by what the search proposes there, nor by what it proposes with a tenth less torque.
+- *motors*: the least force of the gripper's motor that can hold a block between flat jaws, and the least torque of two
+  fingers, by bisection: shown to be too small within `--boxes` boxes, against the edge worked out by hand.
 - *joined*: tasks of three and four contacts made impossible by limits on commands, or by a block in the way: what
   `grasp` answers within `--seconds`, and which reason shows it.
 - *least_friction*: of two contacts anywhere on an object whose centre of mass is off its middle, and the processor
@@ -27,24 +32,34 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from benchmarks.flat_pads import BLOCK, jaws, levers
 from benchmarks.machine import describe
-from handfast import Loads, Task, load_body, load_grasp, load_hand, load_task
+from handfast import Loads, Task, load_body, load_grasp, load_hand, load_task, synthesize
 from handfast.core import bundled
 from handfast.core.arrays import Array
+from handfast.core.transforms import matrix_quaternion
+from handfast.geometry.collision import Collisions
+from handfast.geometry.scene import Scene, rest_overlaps
 from handfast.model.body import Body
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
 from handfast.planning.filters.balance import held_by_contacts
-from handfast.planning.grasp_for import grasp_for
+from handfast.planning.grasp_for import grasp_for, motors_of
+from handfast.planning.joined_search import JoinedSearch
 from handfast.planning.no_balance import NO_MOTION, NoBalance
-from handfast.planning.question import PlanLimits
+from handfast.planning.question import Allowed, PlanLimits
+from handfast.planning.virtual_motions import VirtualMotions
+from handfast.proofs.chains import joint_rates
+from handfast.proofs.discarded_boxes import Balance, Boxes
 from handfast.proofs.fields import Fields
+from handfast.proofs.posed_boxes import ContactBoxes
 from handfast.proofs.tasks import read_task
-from handfast.proofs.unbalanced import Placements, replay_unbalanced
+from handfast.proofs.unbalanced import Motions, Placements, replay_unbalanced
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair
 
@@ -353,6 +368,115 @@ def held_part(first: int, tasks: int, options: argparse.Namespace) -> dict[str, 
     }
 
 
+# --- within limits of torques ---------------------------------------------------------------------------
+
+
+def held_by_motors(options: argparse.Namespace) -> dict[str, int]:
+    """How many boxes about configurations that hold within limits of torques are discarded: 0."""
+    rng, out = np.random.default_rng(23), {"tasks": 0, "boxes": 0, "proposed_weaker": 0, "checked": 0, "lost": 0}
+    places = []
+    for task in (pinch(), load_task("scalpel-handling"), load_task("teapot-service"), load_task("guitar-playing")):
+        task = replace(task, hand=task.hand.with_laws("none"))
+        found = synthesize(task, count=8, timeout=60).solutions
+        contacts = ContactBoxes.of(read_task(task_to_dict(task)))
+        places += [(task, contacts, solution, *coordinates(contacts, task, solution)) for solution in found]
+    while out["tasks"] < options.tasks:
+        task, contacts, solution, x, chart = places[out["tasks"] % len(places)]
+        mu = float(rng.choice([0.1, 0.5, 1.0]))
+        wrench, torques = load_within(task, solution, mu, rng)
+        low, high = contacts.root.T
+        sizes = 10.0 ** rng.uniform(-7, -0.5, size=(4, 1)) * (high - low)
+        ends = [np.clip(x + sign * sizes * rng.random((4, len(x))), low, high) for sign in (-1, 1)]
+        boxes = Boxes.of(contacts, np.stack(ends, axis=2), np.full(4, chart))
+        claims: list[Motions] = []
+        for share in (1.0, 0.9):
+            limits = PlanLimits(torque_limits={name: share * limit for name, limit in torques.items()})
+            motors = motors_of(task, limits)
+            placements = Placements.of(contacts.task.on_object, wrench[None], mu * (1 + 1e-9))
+            if share == 1:
+                exact = Balance(
+                    placements, Motions(np.zeros((0, 1)), np.zeros((0, 2)), np.zeros((0, 6))), contacts, motors
+                )
+            with np.errstate(all="ignore"):
+                motions, _ = VirtualMotions(contacts, motors, placements).propose(boxes, np.zeros(1))
+            claims += [motions]
+            out["proposed_weaker"] += len(motions) if share < 1 else 0
+        for motions in claims:
+            if len(motions):
+                m, reason = len(motions), replace(exact, motions=motions)
+                its, which = np.tile(np.arange(4), m), np.repeat(np.arange(m), 4)
+                with np.errstate(all="ignore"):
+                    out["lost"] += int(reason.examined(boxes.some(its), which).refuted.sum())
+                out["checked"] += 4 * m
+        out["tasks"], out["boxes"] = out["tasks"] + 1, out["boxes"] + 4
+    return out
+
+
+def pinch() -> Task:
+    """A block of 3 cm between index finger and thumb."""
+    sides = ((1.0, "index_distal"), (-1.0, "thumb_distal"))
+    at = {link: (np.array([0, side * 0.015, 0]), np.array([0, -side, 0.0])) for side, link in sides}
+    return Task.of(load_hand("schunk-sah"), tuple(ContactPair(k, TIP, region(*its, 0.01)) for k, its in at.items()))
+
+
+def coordinates(contacts: ContactBoxes, task: Task, solution: Any) -> tuple[Array, int]:
+    """Those of a certified configuration, and its chart."""
+    first = task.hand.link_poses(solution.q)[contacts.task.links[0]]
+    quaternion = matrix_quaternion(first[:3, :3].T @ solution.pose[:3, :3])
+    chart = int(np.abs(quaternion).argmax())
+    spots = np.concatenate([[*spot.object, *(spot.hand or ())] for spot in solution.existence.contacts])
+    joints = solution.q[list(contacts.task.free)]
+    return np.concatenate([joints, np.delete(quaternion, chart) / quaternion[chart], spots]), chart
+
+
+def load_within(task: Task, solution: Any, mu: float, rng: np.random.Generator) -> tuple[Array, dict[str, float]]:
+    """A load (6,) that forces within their cones balance, some on an edge, and what each motor gives then."""
+    hand, data, wrench, torques = task.hand, read_task(task_to_dict(task)).hand, np.zeros(6), np.zeros(task.hand.l)
+    for pair, spot in zip(task.contact_pairs, solution.existence.contacts, strict=True):
+        p, n = pair.object.at(*spot.object), -pair.object.outward(*spot.object)
+        t = np.cross(n, rng.normal(size=3))
+        force = rng.exponential() * (n + mu * rng.choice(SHARES) * t / np.linalg.norm(t))
+        wrench -= np.r_[force, np.cross(p, force)]
+        there = solution.pose[:3, :3] @ p + solution.pose[:3, 3]
+        jacobian = hand.jacobian(hand.link_names.index(pair.link), there, solution.q)
+        torques += jacobian.T @ (solution.pose[:3, :3] @ force)
+    leads = [j for j in range(hand.l) if not data.driving(j)]
+    moves = joint_rates(data, np.eye(hand.l)[leads]).mid
+    forces = np.linalg.lstsq(moves @ hand.mechanism.R.T, moves @ torques, rcond=None)[0]
+    assert np.allclose(moves @ hand.mechanism.R.T @ forces, moves @ torques, atol=1e-9)
+    each = np.abs(forces) * (1 + 1e-9) + 1e-12
+    return wrench, dict(zip(hand.mechanism.actuators, each.tolist(), strict=True))
+
+
+def motors(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Edges known by hand."""
+    with TemporaryDirectory() as folder:
+        cases = [
+            ("flat jaws, one motor [N]", jaws(), "-z", 19.62),
+            ("fingers of 60 mm [N m]", levers(Path(folder)), "-x", 0.5886),
+        ]
+    for name, task, side, by_hand in cases:
+        loads = Loads.gravity(BLOCK, side)
+
+        def searched_to(limit: float, task: Task = task, loads: Loads = loads) -> Any:
+            limits = PlanLimits(torque_limits=dict.fromkeys(task.hand.mechanism.actuators, limit))
+            balance = NoBalance(task, loads, 0.5, center=np.zeros(3))
+            scene = Scene(task.hand, BLOCK)
+            collisions = Collisions(scene, cutoff=1e-3, at_rest=rest_overlaps(scene, at_zero=True))
+            part = JoinedSearch(task, collisions, Allowed(), balance, motors_of(task, limits)).sets[-1]
+            while not part.over and part.boxes < options.boxes:
+                part.step()
+            return part
+
+        shown, open_, boxes, begin = 0.5 * by_hand, 1.1 * by_hand, 0, time.process_time()
+        for _ in range(HALVINGS):
+            limit = (shown + open_) / 2
+            part = searched_to(limit)
+            shown, open_, boxes = (limit, open_, part.boxes) if part.shown else (shown, limit, boxes)
+        took = time.process_time() - begin
+        yield {"task": name, "shown": shown, "by_hand": by_hand, "boxes": boxes, "of": options.boxes, "seconds": took}
+
+
 # --- anywhere on the surface --------------------------------------------------------------------------
 
 OFF = np.array([0.05, 0.07, 0.03])  # of the size of an object, how far its centre of mass is moved
@@ -440,18 +564,26 @@ def show(results: dict[str, Any]) -> None:
         print("\n| task | verdict | shown by | seconds |\n|---|---|---|---|")
         for r in results["joined"]:
             print(f"| {r['task']} | {r['verdict'].upper()} | {r['by']} | {r['seconds']:.0f} |")
+    if "motors" in results:
+        print("\n| task | shown up to | by hand | boxes |\n|---|---|---|---|")
+        for r in results["motors"]:
+            print(f"| {r['task']} | {r['shown']:.4g} | {r['by_hand']:.4g} | {r['boxes']} |")
     if "least_friction" in results:
         print("\n| object | solids | two contacts: none up to a friction of | seconds |\n|---|---|---|---|")
         for r in results["least_friction"]:
             print(f"| {r['object']} | {r['solids']} | {r['shown']:.3g} | {r['seconds']:.2f} |")
-    for name in ("held", "surface_held"):
+    for name in ("held", "held_by_motors", "surface_held"):
         if name in results:
             print(f"\n{name}: " + ", ".join(f"{key} {value}" for key, value in results[name].items()))
 
 
+ROWS = {"two": two, "edges": edges, "joined": joined, "motors": motors, "least_friction": surface}
+COUNTS = {"held": held, "held_by_motors": held_by_motors, "surface_held": surface_held}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--part", choices=("two", "edges", "joined", "least_friction", "held", "surface_held"))
+    parser.add_argument("--part", choices=(*ROWS, *COUNTS))
     parser.add_argument("--boxes", type=int, default=400)
     parser.add_argument(
         "--only", choices=("friction", "limit", "loads", "moved", "center", "wedge"), help="of the edges"
@@ -462,20 +594,18 @@ def main() -> None:
     parser.add_argument("--print", action="store_true", dest="only_print")
     options = parser.parse_args()
     results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    rows = {"two": two, "edges": edges, "joined": joined, "least_friction": surface}
-    counts = {"held": held, "surface_held": surface_held}
-    for name in () if options.only_print else (*rows, *counts):
+    for name in () if options.only_print else (*ROWS, *COUNTS):
         if options.part not in (None, name):
             continue
         results |= {"machine": describe(), "asked": {"boxes": options.boxes, "held_boxes": options.held_boxes}}
         for row in (
-            rows[name](options) if name in rows else ()
+            ROWS[name](options) if name in ROWS else ()
         ):  # each is written when it is there, in place of an old one
             known = {next(iter(r.values())): r for r in results.get(name, [])} | {next(iter(row.values())): row}
             results[name] = list(known.values())
             RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
-        if name in counts:
-            results[name] = counts[name](options)
+        if name in COUNTS:
+            results[name] = COUNTS[name](options)
         RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
     show(results)
 

@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast import InputError, Reach, Task, grasp_for, load_hand, synthesize, verify
+from benchmarks.flat_pads import BLOCK, LONG, jaws, levers
+from handfast import InputError, Reach, Task, grasp_for, synthesize, verify
 from handfast.core.arrays import Array
-from handfast.model.body import Body
-from handfast.model.region import Bezier, Region
-from handfast.model.shape import Shape
 from handfast.planning.grasp_for import motors_of
 from handfast.planning.joined_search import BalanceProposer, JoinedSearch
 from handfast.planning.no_balance import NO_MOTION
@@ -32,51 +30,9 @@ from handfast.proofs.tasks import read_task
 from handfast.proofs.unbalanced import Motions
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import task_to_dict
-from handfast.synthesis.task import ContactPair, PoseBounds
 from tests.planning.test_joined_search import coordinates, drawn, joined, replayed
 from tests.support.forged_grasps import renew
-from tests.support.holds import pinch, square
-
-BLOCK = Body.of([Shape("box", (0.02, 0.05, 0.02))], mass=1.0, friction=0.5)
-HALF, TURN = 1e-3, 1e-3  # [m] half the side of the regions; by how much the components of the block's axes may differ
-LEVER = """<mujoco><worldbody><body name="palm"><geom type="box" size="0.02 0.04 0.005" pos="0 0 -0.01"/>
-<body name="left" pos="0 0.04 0"><joint name="left" axis="1 0 0" range="-0.02 0.02"/>
-<geom type="box" size="0.005 0.005 0.03" pos="0 0 0.03"/></body>
-<body name="right" pos="0 -0.04 0"><joint name="right" axis="-1 0 0" range="-0.02 0.02"/>
-<geom type="box" size="0.005 0.005 0.03" pos="0 0 0.03"/></body></body></worldbody>
-<actuator><motor name="left" joint="left"/><motor name="right" joint="right"/></actuator></mujoco>"""
-LONG = 0.06  # [m] from the axes of these fingers to the middle of their pads
-
-
-def held_flat(hand: Any, links: tuple[str, str], pad: Callable[[float], Region]) -> Task:
-    """The block between two pads, upright in the palm frame but for `TURN`."""
-    sides = (1.0, -1.0)
-    pairs = [ContactPair(link, pad(s), square(s, s * 0.025, HALF)) for s, link in zip(sides, links, strict=True)]
-    near, off = [1 - TURN, 1.0], [-TURN, TURN]
-    axes = np.array([[near, off, off], [off, near, off], [off, off, near]])
-    return Task.of(hand, tuple(pairs), name="flat", pose=PoseBounds(np.array([[-1.0, 1.0]] * 3), axes))
-
-
-def jaws(*_: Any) -> Task:
-    """One motor moves both jaws: its force is the sum of what they push with."""
-
-    def pad(side: float) -> Region:
-        points = np.array([[[u, 0, 0.045 + v] for v in (-HALF, HALF)] for u in (-HALF, HALF)])
-        return Bezier(points, flip=side < 0)
-
-    return held_flat(load_hand("parallel-gripper").with_laws("none"), ("left_finger", "right_finger"), pad)
-
-
-def levers(folder: Path) -> Task:
-    """Two fingers, each with a motor."""
-    (folder / "levers.xml").write_text(LEVER)
-
-    def pad(side: float) -> Region:
-        points = np.array([[[u, -0.015 * side, LONG + v] for v in (-HALF, HALF)] for u in (-HALF, HALF)])
-        return Bezier(points, flip=side < 0)
-
-    return held_flat(load_hand(folder / "levers.xml").with_laws("none"), ("left", "right"), pad)
-
+from tests.support.holds import pinch
 
 # the weight across the way of the pads: each pushes with W / (2 mu), 9.81 N
 CASES = [(jaws, "-z", 2 * 9.81, 0.02), (levers, "-x", LONG * 9.81, 0.03)]
@@ -185,10 +141,8 @@ def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(pi
     rng, solution = np.random.default_rng(seed), found[seed % len(found)]
     spots = solution.existence.contacts
     contact = np.concatenate([[*spot.object, *(spot.hand or ())] for spot in spots])
-    points, normals = (
-        solution.points,
-        -np.array([p.object.outward(*s.object) for p, s in zip(task.contact_pairs, spots, strict=True)]),
-    )
+    both = [(p.object, spot.object) for p, spot in zip(task.contact_pairs, spots, strict=True)]
+    points, normals = np.array([r.at(*at) for r, at in both]), -np.array([r.outward(*at) for r, at in both])
     wrench, torques = kept(task, solution.q, solution.pose, points, normals, rng)
     limits = PlanLimits(torque_limits=torques)
     search = joined(task, BLOCK, Loads.wrench(wrench), 0.5 * (1 + 1e-9), limits=limits)
