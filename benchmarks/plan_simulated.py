@@ -27,12 +27,13 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.machine import describe
-from handfast import Loads, load_body, load_grasp, load_hand, simulate_bodies
+from handfast import Loads, load_body, load_grasp, load_hand
 from handfast.core.errors import InputError
 from handfast.datasets.published.mujoco_scene import HEIGHT, TIMES, play, scene_text
 from handfast.planning.plan_grasps import plan
 from handfast.planning.results.folder import PlanFolder
 from handfast.simulation.result import Ending
+from handfast.simulation.simulate import simulate_bodies
 
 RESULTS = Path(__file__).parent / "results" / "plan_simulated.json"
 HANDS = {

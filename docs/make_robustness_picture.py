@@ -15,10 +15,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.sampled_maxima import BOUNDS, RESULTS, least
-from handfast import load_grasp, sampled_maximum
+from handfast import load_grasp
 from handfast.core.files import write_bytes
 from handfast.pictures.drawing import BLUE, GREY, INK, MAROON, picture
 from handfast.pictures.sampled_picture import draw_sampled
+from handfast.stability.studies.sampled_maximum import sampled_maximum
 
 IMAGES = Path(__file__).parent / "img"
 TITLES = {"normals": "normals off by 2.5°", "all": "and contacts by 1 mm, friction and commands by 10 %"}

@@ -13,11 +13,12 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from benchmarks.simulation_agreement import LOADINGS, RESULTS, STATEMENT
-from handfast import load_grasp, simulate, simulate_bodies
+from handfast import load_grasp, simulate
 from handfast.core.files import write_bytes
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, picture
 from handfast.pictures.motion_picture import strip
 from handfast.pictures.scene import moving_scene
+from handfast.simulation.simulate import simulate_bodies
 
 IMAGES = Path(__file__).parent / "img"
 COUNTED = {

@@ -13,16 +13,11 @@ if TYPE_CHECKING:
     from handfast.core.answer import Stop as Stop
     from handfast.core.answer import Verdict as Verdict
     from handfast.core.errors import InputError as InputError
-    from handfast.datasets.dataset_rows import GraspChanges as GraspChanges
     from handfast.datasets.labels.label_dataset import label_dataset as label_dataset
-    from handfast.datasets.labels.label_files import load_labels as load_labels
-    from handfast.datasets.labels.labeller import Labelling as Labelling
-    from handfast.datasets.scene_source import SceneSource as SceneSource
     from handfast.geometry.contacts import contact_grasp as contact_grasp
     from handfast.geometry.contacts import find_contacts as find_contacts
     from handfast.geometry.scene import Scene as Scene
     from handfast.measures.measuring import measure as measure
-    from handfast.measures.measuring import measure_columns as measure_columns
     from handfast.model.body import Body as Body
     from handfast.model.configuration import Configuration as Configuration
     from handfast.model.cylinder_side import ConeSide as ConeSide
@@ -32,17 +27,9 @@ if TYPE_CHECKING:
     from handfast.model.grasp import GraspJoint as GraspJoint
     from handfast.model.hand import Hand as Hand
     from handfast.model.mechanism import Mechanism as Mechanism
-    from handfast.model.provenance import Provenance as Provenance
-    from handfast.model.provenance import SourceFile as SourceFile
     from handfast.model.region import Bezier as Bezier
     from handfast.model.region import Cap as Cap
-    from handfast.model.servo import servo_commands as servo_commands
-    from handfast.pictures import Entry as Entry
-    from handfast.pictures import write_report as write_report
-    from handfast.pictures.data_frames import to_frame as to_frame
     from handfast.pictures.live.open_page import view as view
-    from handfast.pictures.map_picture import draw_map as draw_map
-    from handfast.pictures.map_picture import draw_sweep as draw_sweep
     from handfast.planning.closing import close as close
     from handfast.planning.grasp_for import grasp_for as grasp_for
     from handfast.planning.plan_grasps import plan as plan
@@ -51,24 +38,15 @@ if TYPE_CHECKING:
     from handfast.readers.configuration_file import load_configuration as load_configuration
     from handfast.readers.grasp_file import load_grasp as load_grasp
     from handfast.readers.grasp_file import save_grasp as save_grasp
-    from handfast.readers.graspit.graspit_world import load_graspit_world as load_graspit_world
     from handfast.readers.load_body import load_body as load_body
     from handfast.readers.load_hand import load_hand as load_hand
     from handfast.readers.region_file import load_hand_regions as load_hand_regions
     from handfast.saved import verify as verify
-    from handfast.simulation.beside_path import PathBeside as PathBeside
-    from handfast.simulation.beside_path import beside_path as beside_path
-    from handfast.simulation.result import SimulationResult as SimulationResult
-    from handfast.simulation.settled import Settled as Settled
-    from handfast.simulation.settling import GraspInScene as GraspInScene
     from handfast.simulation.settling import settle as settle
     from handfast.simulation.simulate import simulate as simulate
-    from handfast.simulation.simulate import simulate_bodies as simulate_bodies
     from handfast.stability.answers import check as check
     from handfast.stability.answers import maximum as maximum
     from handfast.stability.answers import torques as torques
-    from handfast.stability.answers.batch_answer import BatchAnswer as BatchAnswer
-    from handfast.stability.answers.margin import Margin as Margin
     from handfast.stability.problem.grasp_limits import GraspLimits as GraspLimits
     from handfast.stability.problem.loads import Loads as Loads
     from handfast.stability.problem.loads import load_loads as load_loads
@@ -81,9 +59,6 @@ if TYPE_CHECKING:
     from handfast.stability.studies.maps import sweep as sweep
     from handfast.stability.studies.margin_search import margin as margin
     from handfast.stability.studies.prepared import prepare as prepare
-    from handfast.stability.studies.sampled_maximum import Perturbation as Perturbation
-    from handfast.stability.studies.sampled_maximum import SampledMaximum as SampledMaximum
-    from handfast.stability.studies.sampled_maximum import sampled_maximum as sampled_maximum
     from handfast.synthesis.query import synthesize as synthesize
     from handfast.synthesis.task import ContactPair as ContactPair
     from handfast.synthesis.task import PoseBounds as PoseBounds
@@ -92,15 +67,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Scene": "geometry.scene",
-    "servo_commands": "model.servo",
-    "to_frame": "pictures.data_frames",
-    "draw_map": "pictures.map_picture",
-    "draw_sweep": "pictures.map_picture",
-    "Provenance": "model.provenance",
     "load_hand_regions": "readers.region_file",
-    "Entry": "pictures",
-    "write_report": "pictures",
-    "SourceFile": "model.provenance",
     "Reach": "core.answer",
     "Stop": "core.answer",
     "Verdict": "core.answer",
@@ -117,20 +84,14 @@ _HOME = {
     "load_grasp": "readers.grasp_file",
     "save_grasp": "readers.grasp_file",
     "Hand": "model.hand",
-    "load_graspit_world": "readers.graspit.graspit_world",
     "load_hand": "readers.load_hand",
     "measure": "measures.measuring",
-    "measure_columns": "measures.measuring",
     "Mechanism": "model.mechanism",
     "Bezier": "model.region",
     "Cap": "model.region",
     "ConeSide": "model.cylinder_side",
     "CylinderSide": "model.cylinder_side",
     "label_dataset": "datasets.labels.label_dataset",
-    "load_labels": "datasets.labels.label_files",
-    "Labelling": "datasets.labels.labeller",
-    "GraspChanges": "datasets.dataset_rows",
-    "SceneSource": "datasets.scene_source",
     "close": "planning.closing",
     "plan": "planning.plan_grasps",
     "propose": "planning.propose_tasks",
@@ -138,29 +99,18 @@ _HOME = {
     "PlanLimits": "planning.question",
     "GraspLimits": "stability.problem.grasp_limits",
     "verify": "saved",
-    "SimulationResult": "simulation.result",
     "simulate": "simulation.simulate",
-    "Settled": "simulation.settled",
-    "GraspInScene": "simulation.settling",
     "settle": "simulation.settling",
-    "simulate_bodies": "simulation.simulate",
-    "PathBeside": "simulation.beside_path",
-    "beside_path": "simulation.beside_path",
     "hold": "stability.studies.hold",
     "Loads": "stability.problem.loads",
     "load_loads": "stability.problem.loads",
-    "BatchAnswer": "stability.answers.batch_answer",
     "check_many": "stability.studies.batch",
     "max_many": "stability.studies.batch",
     "torques_many": "stability.studies.batch",
     "force_map": "stability.studies.maps",
     "sweep": "stability.studies.maps",
-    "Margin": "stability.answers.margin",
     "margin": "stability.studies.margin_search",
-    "Perturbation": "stability.studies.sampled_maximum",
     "prepare": "stability.studies.prepared",
-    "SampledMaximum": "stability.studies.sampled_maximum",
-    "sampled_maximum": "stability.studies.sampled_maximum",
     "check": "stability.answers",
     "maximum": "stability.answers",
     "torques": "stability.answers",

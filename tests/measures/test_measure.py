@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import handfast
-from handfast import InputError, Settings, load_grasp, measure, measure_columns
+from handfast import InputError, Settings, load_grasp, measure
 from handfast.measures.catalogue import CATALOGUE, KEYS, RIGID, PassiveMaxima, passive_maxima
+from handfast.measures.measuring import measure_columns
 from handfast.model.grasp import Grasp
 from handfast.pictures.measures_picture import draw_measures
 from tests.support.program import ask, complains, run

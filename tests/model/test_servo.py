@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast import InputError, contact_grasp, load_body, load_configuration, load_hand, servo_commands
+from handfast import InputError, contact_grasp, load_body, load_configuration, load_hand
 from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Joint, Link
 from handfast.model.mechanism import Mechanism
+from handfast.model.servo import servo_commands
 
 Z = np.array([0.0, 0, 1])
 

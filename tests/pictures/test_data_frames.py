@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast import InputError, Loads, check, force_map, hold, max_many, maximum, sweep, to_frame, torques
+from handfast import InputError, Loads, check, force_map, hold, max_many, maximum, sweep, torques
+from handfast.pictures.data_frames import to_frame
 from tests.support.problems import pinch
 
 UP = [0, 1.0, 0, 0, 0, 0]

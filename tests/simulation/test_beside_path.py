@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handfast import beside_path, check, load_grasp, maximum, simulate
+from handfast import check, load_grasp, maximum, simulate
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.simulation.beside_path import beside_path
 from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Loading, Settings
 
