@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked, require_positive
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds, require_positive
 from handfast.geometry.contact_patch import patch
 from handfast.geometry.grasp_joints import joints_and_mechanism
 from handfast.geometry.scene import HandObjectPair, PoseLike, Scene, checked_joints, checked_pose
@@ -25,52 +26,92 @@ SEAM = 5e-5  # [m] above a hidden face, the neighbour begins at the latest here
 ROUNDING = 1e-7  # [m]
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactOptions:
+    """How contacts are looked for, and what they are like.
+
+    Attributes:
+        threshold: [m] surfaces nearer than this touch.
+        friction: coefficient; the object's unless given.
+        torsion: coefficient of torsional friction [m], of soft fingers; "hand" is what the hand's file says of its
+            parts (MJCF, condim 4). Point contacts by default.
+        merge_distance: [m] and merge_angle: [rad] within which points and normals of one link are one contact.
+        scene: a `Scene` of the same hand and object, to save compiling one.
+    """
+
+    threshold: float = THRESHOLD
+    friction: float | None = None
+    torsion: float | Literal["hand"] = 0.0
+    merge_distance: float = 2e-3
+    merge_angle: float = 0.17
+    scene: Scene | None = None
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(self)
+        require_positive(self.threshold, "threshold", "a distance above 0 [m] is needed")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactGraspOptions(ContactOptions):
+    """What the grasp of a hand that touches an object is made with.
+
+    Attributes:
+        preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
+        lock: joints held rigidly whatever the actuators do.
+        mechanism: "hand" for the hand's own, "direct" for one motor per joint, named like the joint.
+        laws: which of the hand's joint laws count, see `Hand.with_laws`.
+        backdrivable: names of motors that give what they are commanded and no more, beside those of the hand.
+        name: of the grasp; "HAND on OBJECT" unless given.
+    """
+
+    preload: Mapping[str, float] | None = None
+    lock: Sequence[str] = ()
+    mechanism: Literal["hand", "direct"] = "hand"
+    laws: str = "all"
+    backdrivable: Collection[str] = ()
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.mechanism not in ("hand", "direct"):
+            raise InputError(f"is '{self.mechanism}'; 'hand' or 'direct' is needed", field="mechanism")
+
+
 @kinds_checked
 def find_contacts(
-    hand: Hand,
-    q: Array | Mapping[str, float],
-    body: Body,
-    object_pose: PoseLike,
-    threshold: float = THRESHOLD,
-    friction: float | None = None,
-    merge_distance: float = 2e-3,
-    merge_angle: float = 0.17,
-    scene: Scene | None = None,
-    torsion: float | Literal["hand"] = 0.0,
-) -> tuple[Contact, ...]:
+    hand: Hand, q: Array | Mapping[str, float], body: Body, object_pose: PoseLike, threshold: float = THRESHOLD,
+    **options: Any,
+) -> tuple[Contact, ...]:  # fmt: skip
     """Where the hand touches the object, in the **object** frame.
 
     Each pair of convex solids nearer than `threshold` gives the corners of the patch on which they
     meet: one point for a fingertip, two for an edge, up to four for faces. A point lies midway between
     the two surfaces; its normal points into the object; its depth is the pair's penetration [m],
     negative for a gap. Points on a face hidden inside another piece of the object, or inside another
-    solid of the same link, are dropped. Points of one link nearer to each other than `merge_distance`
-    [m] with normals within `merge_angle` [rad] are merged into their mean. Order: by link, then by
-    position.
+    solid of the same link, are dropped. Points of one link that are near to each other are merged into
+    their mean. Order: by link, then by position.
 
     Args:
         q: (l,) configuration, or values by joint name; the others follow `Hand.configuration`.
         object_pose: of the object in the hand's base frame: (4, 4), or position (3,) [m] and quaternion (w, x, y, z).
-        friction: coefficient; the object's unless given.
-        scene: a `Scene` of the same hand and object, to save compiling one.
-        torsion: coefficient of torsional friction [m], of soft fingers; "hand" is what the hand's file says of its
-            parts (MJCF, condim 4). Point contacts by default.
+        options: of `ContactOptions`, by name: `find_contacts(hand, q, body, pose, friction=0.5, scene=scene)`.
 
     Raises:
         InputError: a pose that is not rigid, a configuration of the wrong length, a negative threshold, a scene of
             another hand or object.
     """
-    pose = checked_pose(object_pose)
-    q = checked_joints(hand, q)
-    require_positive(threshold, "threshold", "a distance above 0 [m] is needed")
-    if scene is not None:
-        _refuse_another(scene, hand, body)
-    near = (scene or Scene(hand, body)).nearest(q, pose, threshold)
+    asked = ContactOptions(threshold=threshold, **options)
+    return _found(hand, checked_joints(hand, q), body, checked_pose(object_pose), asked)
+
+
+def _found(hand: Hand, q: Array, body: Body, pose: Array, asked: ContactOptions) -> tuple[Contact, ...]:
+    if asked.scene is not None:
+        _refuse_another(asked.scene, hand, body)
+    near = (asked.scene or Scene(hand, body)).nearest(q, pose, asked.threshold)
     poses = hand.link_poses(q)
     to_object = np.linalg.inv(pose)
-    mu = body.friction if friction is None else friction
-    if mu == 0 and torsion == "hand":
-        torsion = 0.0
+    mu = body.friction if asked.friction is None else asked.friction
+    torsion = 0.0 if mu == 0 and asked.torsion == "hand" else asked.torsion
     contacts: list[Contact] = []
     for link in sorted({n.link for n in near}):
         solids = [s.placed(to_object @ poses[link]) for s in hand.links[link].shapes]
@@ -86,27 +127,13 @@ def find_contacts(
                 (hidden if inside else seen).append(found)
         if not seen:  # pressed in so far that every nearest point is inside something
             seen = [max(hidden, key=lambda c: c.depth)]
-        contacts += _merged(seen, merge_distance, merge_angle)
+        contacts += _merged(seen, asked.merge_distance, asked.merge_angle)
     return tuple(contacts)
 
 
 @kinds_checked
 def contact_grasp(
-    hand: Hand,
-    q: Array | Mapping[str, float],
-    body: Body,
-    object_pose: PoseLike,
-    *,
-    preload: Mapping[str, float] | None = None,
-    threshold: float = THRESHOLD,
-    friction: float | None = None,
-    lock: Sequence[str] = (),
-    mechanism: Literal["hand", "direct"] = "hand",
-    laws: str = "all",
-    backdrivable: Collection[str] = (),
-    scene: Scene | None = None,
-    name: str | None = None,
-    torsion: float | Literal["hand"] = 0.0,
+    hand: Hand, q: Array | Mapping[str, float], body: Body, object_pose: PoseLike, **options: Any
 ) -> Grasp:
     """The grasp that a hand at q has on an object: contacts, joints and mechanism in the object frame.
 
@@ -119,33 +146,27 @@ def contact_grasp(
 
     Args:
         q: and object_pose as in `find_contacts`.
-        preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
-        threshold: as in `find_contacts`, like friction, scene and torsion.
-        lock: joints held rigidly whatever the actuators do.
-        mechanism: "hand" for the hand's own, "direct" for one motor per joint, named like the joint.
-        laws: which of the hand's joint laws count, see `Hand.with_laws`.
-        backdrivable: names of motors that give what they are commanded and no more, beside those of the hand.
+        options: of `ContactGraspOptions`, by name: `contact_grasp(hand, q, body, pose, preload={"motor": 0.1})`.
 
     Raises:
         InputError: nothing within the threshold (the nearest link is named), an unknown joint to lock,
             an unknown actuator, and whatever `find_contacts` raises.
     """
-    if mechanism not in ("hand", "direct"):
-        raise InputError(f"is '{mechanism}'; 'hand' or 'direct' is needed", field="mechanism")
+    asked = ContactGraspOptions(**options)
     q, pose = checked_joints(hand, q), checked_pose(object_pose)
-    scene = scene or Scene(hand, body)
-    contacts = find_contacts(hand, q, body, pose, threshold, friction, scene=scene, torsion=torsion)
+    scene = asked.scene or Scene(hand, body)
+    contacts = _found(hand, q, body, pose, replace(asked, scene=scene))
     if not contacts:
-        raise nothing_near(scene, q, pose, threshold)
+        raise nothing_near(scene, q, pose, asked.threshold)
     grasp = grasp_of(
-        hand.with_laws(laws).with_backdrivable(backdrivable),
+        hand.with_laws(asked.laws).with_backdrivable(asked.backdrivable),
         q,
         contacts,
         pose,
-        preload=preload,
-        lock=lock,
-        mechanism=mechanism,
-        name=name or f"{hand.name} on {body.name}",
+        preload=asked.preload,
+        lock=asked.lock,
+        mechanism=asked.mechanism,
+        name=asked.name or f"{hand.name} on {body.name}",
     )
     return of_body(grasp, hand, body)
 

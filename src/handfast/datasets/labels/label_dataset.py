@@ -86,6 +86,34 @@ class LabelProgress:
 OnProgress = Callable[[LabelProgress], None]
 
 
+@dataclass(frozen=True, kw_only=True)
+class LabelRun:
+    """How a dataset is labelled, which changes nothing in the table.
+
+    Attributes:
+        jobs: processes; by default one a core.
+        scheduler: address of a Dask scheduler, whose workers take the place of processes here.
+        part: rows that are labelled in one task, and written at once; by default as many as take `KEPT_EVERY` seconds,
+            and `PART` at most.
+        resume: go on from the parts that are there; begins if there are none.
+        force: write over what is there.
+        keep_parts: leave the folder of parts.
+    """
+
+    jobs: int | None = None
+    scheduler: str | None = None
+    part: int | None = None
+    resume: bool = False
+    force: bool = False
+    keep_parts: bool = False
+
+    def __post_init__(self) -> None:
+        if self.part is not None and self.part < 1:
+            raise InputError(f"is {self.part}; at least 1 row is needed", field="part")
+        if self.resume and self.force:
+            raise InputError("give either --resume or --force")
+
+
 def label_dataset(
     dataset: str | Path,
     output: str | Path,
@@ -93,13 +121,8 @@ def label_dataset(
     labelling: Labelling | None = None,
     changes: GraspChanges | None = None,
     scene: SceneSource | None = None,
-    jobs: int | None = None,
-    scheduler: str | None = None,
-    part: int | None = None,
-    resume: bool = False,
-    force: bool = False,
-    keep_parts: bool = False,
     on_progress: OnProgress | None = None,
+    **options: Any,
 ) -> LabelSummary:
     """Label every grasp of a dataset, in a table with the columns of `handfast.datasets.labels.label_columns`.
 
@@ -113,24 +136,14 @@ def label_dataset(
         output: .parquet, which needs pyarrow, or .jsonl.
         labelling: what is asked of each grasp.
         changes: mass, centre of mass, friction, preload in place of what the rows say.
-        jobs: processes; by default one a core.
-        scheduler: address of a Dask scheduler, whose workers take the place of processes here.
-        part: rows that are labelled in one task, and written at once; by default as many as take `KEPT_EVERY` seconds,
-            and `PART` at most.
-        resume: go on from the parts that are there; begins if there are none.
-        force: write over what is there.
-        keep_parts: leave the folder of parts.
         on_progress: called at the beginning and after each part.
+        options: of `LabelRun`, by name: `label_dataset("grasps", "labels.parquet", jobs=4, resume=True)`.
 
     Raises:
         InputError: a dataset that cannot be read, an output that exists or is of another kind, parts of another run,
             a scene that is missing, workers that are gone. One line. What is wrong with single rows is said in theirs.
     """
-    begin, target = time.monotonic(), Path(output)
-    if part is not None and part < 1:
-        raise InputError(f"is {part}; at least 1 row is needed", field="part")
-    if resume and force:
-        raise InputError("give either --resume or --force")
+    begin, target, how = time.monotonic(), Path(output), LabelRun(**options)
     format = format_of(target)
     recipe = LabelRecipe(labelling or Labelling(), changes or GraspChanges(), scene, format.ending)
     rows = open_dataset(dataset)
@@ -140,18 +153,18 @@ def label_dataset(
         raise InputError("has grasps with their contacts; a hand and an object are for tables", source=str(dataset))
     about = {"schema": SCHEMA, "columns": described(), "dataset": rows.identity()} | recipe.to_json(target.parent)
     folder = PartFolder(target, format, {k: v for k, v in about.items() if k != "schema"}, rows.count)
-    _refuse(target, folder, resume=resume, force=force)
+    _refuse(target, folder, how)
     summary = LabelSummary()
-    if resume and target.exists() and not folder.begun:  # the last run came to its end
+    if how.resume and target.exists() and not folder.begun:  # the last run came to its end
         if not same_run(format.about(target), about):
             raise InputError("is of another dataset or of other questions; give --force", source=str(target))
         _count(summary, format, target, rows.count)
         return summary
     with folder:
-        _refuse(target, folder, resume=resume, force=force)  # another run may have ended since
+        _refuse(target, folder, how)  # another run may have ended since
         bad = fresh = 0
-        with workers_of(recipe, jobs, scheduler) as workers:
-            have = folder.open(resume=resume)
+        with workers_of(recipe, how.jobs, how.scheduler) as workers:
+            have = folder.open(resume=how.resume)
             done = sum(map(len, have))
 
             def tell() -> None:
@@ -159,7 +172,7 @@ def label_dataset(
                     on_progress(LabelProgress(done + fresh, rows.count, fresh, time.monotonic() - begin, bad))
 
             tell()
-            for first, labels in _labelled(workers, rows.parts(part or PART, have), timed=part is None):
+            for first, labels in _labelled(workers, rows.parts(how.part or PART, have), timed=how.part is None):
                 folder.write(range(first, first + labels.rows), labels.data)
                 fresh, bad = fresh + labels.rows, bad + labels.broken
                 tell()
@@ -167,7 +180,7 @@ def label_dataset(
             raise InputError("changed while it was labelled; give --force to begin anew", source=str(dataset))
         format.write(target, folder.files(), about)
         _count(summary, format, target, rows.count)
-        if not keep_parts:
+        if not how.keep_parts:
             folder.remove()
     summary.fresh, summary.wall = fresh, time.monotonic() - begin
     return summary
@@ -180,13 +193,13 @@ def same_run(known: Any, about: Mapping[str, Any]) -> bool:
     return all(same_scene(known[k], v) if k == "scene" else same_json(known[k], v) for k, v in about.items())
 
 
-def _refuse(target: Path, folder: PartFolder, *, resume: bool, force: bool) -> None:
+def _refuse(target: Path, folder: PartFolder, how: LabelRun) -> None:
     """`InputError` before any work for what would be written over."""
     if target.is_dir():
         raise InputError("is a folder; a file is needed", source=str(target))
     if folder.foreign:
         raise InputError("has files that are no parts of labels; move it away", source=str(folder_of(target)))
-    if resume or force:
+    if how.resume or how.force:
         return
     refuse_existing(target, force=False)
     if folder.begun:

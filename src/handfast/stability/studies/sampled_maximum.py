@@ -16,7 +16,7 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array, Mask
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.presented import Presented
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Contact, Grasp
@@ -210,48 +210,64 @@ class SampledMaximum(Presented):
         }
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampleOptions:
+    """What a maximum of samples can be asked with.
+
+    Attributes:
+        samples: how many are drawn; sample i is the same for the same seed, however many there are.
+        seed: of the samples.
+        base: as in `maximum`.
+        settings: of each question; by default 10 s at most for each.
+        jobs: cores to use; by default all. Answers do not depend on it.
+    """
+
+    samples: int = 200
+    seed: int = 0
+    base: Sequence[float] | Array | None = None
+    settings: Settings = field(default_factory=lambda: Settings(timeout=10.0))
+    jobs: int | None = None
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(self)
+        if self.samples < 1:
+            raise InputError(f"is {self.samples}; at least 1 is needed", field="samples")
+        if self.seed < 0:
+            raise InputError(f"is {self.seed}; 0 or more is needed", field="seed")
+
+
 @kinds_checked
 def sampled_maximum(
     grasp: Grasp,
     direction: Sequence[float] | Array,
     bounds: Perturbation,
     *,
-    samples: int = 200,
-    seed: int = 0,
-    base: Sequence[float] | Array | None = None,
-    settings: Settings | None = None,
-    jobs: int | None = None,
     on_progress: OnItem | None = None,
+    **options: Any,
 ) -> SampledMaximum:
     """The largest disturbance along a direction, of samples of a grasp that may be off by stated bounds.
 
     Args:
         direction: as in `maximum`.
-        base: as in `maximum`.
         bounds: how far the grasp may be off.
-        samples: how many are drawn; sample i is the same for the same seed, however many there are.
-        settings: of each question; by default 10 s at most for each.
-        jobs: cores to use; by default all. Answers do not depend on it.
         on_progress: called with (done, total) of the samples.
+        options: of `SampleOptions`, by name: `sampled_maximum(grasp, [0, 1, 0], bounds, samples=50)`.
 
     Raises:
         InputError: no samples, a negative seed, bounds that leave this grasp as it is, and what `maximum` raises.
     """
-    if samples < 1:
-        raise InputError(f"is {samples}; at least 1 is needed", field="samples")
-    if seed < 0:
-        raise InputError(f"is {seed}; 0 or more is needed", field="seed")
+    asked = SampleOptions(**options)
+    base, samples, seed, settings = asked.base, asked.samples, asked.seed, asked.settings
     if bounds.leaves(grasp):
         what = " and ".join(n for n, share in (("friction", bounds.friction), ("command", bounds.command)) if share)
         raise InputError(f"of {what} alone leave this grasp as it is: it has none", source=grasp.name, field="bounds")
-    settings = settings or Settings(timeout=10.0)
     towards = scaled_problem.as_wrench(direction, "direction")
     beside = np.zeros(6) if base is None else scaled_problem.as_wrench(base, "base")
     nominal = maximum(grasp, towards, base=beside, settings=settings)
     tilted = GraspLimits(eta=bounds.normals)
     uncertain = maximum(grasp, towards, base=beside, limits=tilted, settings=settings) if bounds.normals else None
     drawn = [bounds.sample(grasp, seed, i) for i in range(samples)]
-    found = max_many(drawn, [towards], base=beside, settings=settings, jobs=jobs, on_progress=on_progress)
+    found = max_many(drawn, [towards], base=beside, settings=settings, jobs=asked.jobs, on_progress=on_progress)
     verdict, error = found.verdict[:, 0], found.error[:, 0]
     interrupted = error == INTERRUPTED
     unbalanced = np.array([bool(e) for e in error]) & ~interrupted  # by any forces at its contacts: refused
