@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from handfast.proofs.tolerance import ENDLESS, farthest
 from handfast.stability.answers.answer import Answer, any_state, witness_json
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem, stated
+from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.model import State, relative_motion
 from handfast.stability.problem.objective import ANY_STATE, LARGEST
 from handfast.stability.problem.scaled_problem import ScaledProblem
@@ -37,6 +38,7 @@ from handfast.stability.problem.settings import OnStep, Settings
 from handfast.stability.problem.witness import VALID, Witness
 from handfast.stability.search.solve import clock_of, solve, time_left
 
+A = TypeVar("A", bound=Answer)
 COUNTS = 1, 4, 16, 64  # steps to the whole load, or to where one step leads, until two paths in turn say the same
 AGREE = 0.01  # relative: ends of two paths that differ by less are the same
 ABOVE = 1 + 1e-9  # rounding
@@ -450,3 +452,18 @@ def path_end(
     if follower.chosen_otherwise(path):
         other = follower.to_end(size / n, last, met).reached or 0.0
     return replace(path, by_steps=by_steps, other_choice=other, resolution=AGREE, nodes=follower.nodes)
+
+
+class PathsFromRest:
+    """The paths of many loads on a grasp: the state of the commands alone is found for the first, and kept."""
+
+    def __init__(self, limits: GraspLimits) -> None:
+        self.limits = limits
+        self._rest: StepAnswer | None = None
+
+    def answer(self, follow: Callable[..., A], grasp: Grasp, w: Array, settings: Settings) -> A:
+        """The answer to a load or direction (6,), by `check_along` or `largest_along`; the grasp is always the same."""
+        answer = follow(scaled_problem.build(grasp, w, limits=self.limits), settings, rest=self._rest)
+        assert isinstance(answer.path, LoadPath)
+        self._rest = answer.path.rest
+        return answer

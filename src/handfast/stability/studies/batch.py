@@ -26,7 +26,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from handfast.stability.answers import CheckAnswer, MaxAnswer, check, torques
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.batch_answer import INTERRUPTED, AnswerRows, BatchAnswer
 from handfast.stability.answers.check_query import check_along
-from handfast.stability.answers.load_path import LoadPath, comes_after
+from handfast.stability.answers.load_path import PathsFromRest, comes_after
 from handfast.stability.answers.max_query import Near, largest, largest_along
 from handfast.stability.answers.torques_query import refuse_path
 from handfast.stability.problem import scaled_problem
@@ -54,7 +54,6 @@ from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.search.reduced import Uneven
 from handfast.stability.studies.row_kernel import RowKernel
 
-A = TypeVar("A", bound=Answer)
 OnItem = Callable[[int, int], None]  # done, total
 Query = Literal["check", "max", "torques"]
 BLOCK = 125  # questions that are answered together: each begins with what those before it showed
@@ -369,7 +368,7 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
             held = np.flatnonzero(found.rows & (found.columns["lower"] > 0))
             near |= {int(rows[k]): (found.states.row(int(k)), float(found.columns["lower"][k])) for k in held}
     rows = np.flatnonzero(left).tolist()
-    kernel = kernel or RowKernel(options.limits)
+    paths = kernel.paths if kernel else PathsFromRest(options.limits)
     for k, i in enumerate(rows if options.along_paths else [*rows, *reversed(rows), *rows]):
         again = k >= len(rows)
         if again and part["stop"][i] != Stop.NUMERICAL:
@@ -378,7 +377,7 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
         answer: Answer
         try:
             if options.along_paths:
-                answer = _followed(grasp, part.wrenches[i], options, kernel)
+                answer = _followed(grasp, part.wrenches[i], options, paths)
             else:
                 answer = _alone(grasp, part, i, options, _nearest(part.wrenches, i, near) if again else ())
         except InputError as error:
@@ -394,21 +393,10 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
     return part
 
 
-def along_path(follow: Callable[..., A], grasp: Grasp, w: Array, settings: Settings, kernel: RowKernel) -> A:
-    """The answer to a load (6,) that comes after the commands, by `check_along` or `largest_along`.
-
-    kernel: keeps the state of the commands alone; its limits are in force.
-    """
-    answer = follow(scaled_problem.build(grasp, w, limits=kernel.limits), settings, rest=kernel.rest)
-    assert isinstance(answer.path, LoadPath)
-    kernel.rest = answer.path.rest
-    return answer
-
-
-def _followed(grasp: Grasp, w: Array, options: RowQuestion, kernel: RowKernel) -> CheckAnswer | MaxAnswer:
+def _followed(grasp: Grasp, w: Array, options: RowQuestion, paths: PathsFromRest) -> CheckAnswer | MaxAnswer:
     if options.query == "check":
-        return along_path(check_along, grasp, w, options.settings, kernel)
-    return along_path(largest_along, grasp, as_direction(w), options.settings, kernel)
+        return paths.answer(check_along, grasp, w, options.settings)
+    return paths.answer(largest_along, grasp, as_direction(w), options.settings)
 
 
 def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:

@@ -31,11 +31,11 @@ from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.answers.check_query import check_along
-from handfast.stability.answers.load_path import LoadPath, StepAnswer, comes_after
+from handfast.stability.answers.load_path import PathsFromRest, comes_after
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
-from handfast.stability.problem.scaled_problem import build, unbalanced
+from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.search.solve import LEAST, compiled
 from handfast.stability.studies.margin_search import OnSample
@@ -388,7 +388,7 @@ class _HoldSearch:
         """The answers to all loads under a preload, in order; () as soon as one is not resisted."""
         grasp = self.grasp.with_commands(preload)
         found: dict[int, CheckAnswer] = {}
-        rest: StepAnswer | None = None  # the state of the commands alone, once it is found
+        paths = PathsFromRest(self.limits)
         for k in self.order[:]:
             if self.late():
                 return ()
@@ -396,11 +396,7 @@ class _HoldSearch:
             # what slips is tried differently, so that its proof is not needed
             settings = replace(self.within(self.settings, HARD), verify=False)
             if self.along:
-                a = self.counted(
-                    check_along(build(grasp, self.loads.wrenches[k], limits=self.limits), settings, rest=rest)
-                )
-                assert isinstance(a.path, LoadPath)
-                rest = a.path.rest
+                a = self.counted(paths.answer(check_along, grasp, self.loads.wrenches[k], settings))
             else:
                 a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, limits=self.limits))
             if a.verdict is not Verdict.HOLDS:

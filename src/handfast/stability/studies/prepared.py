@@ -34,7 +34,7 @@ from handfast.stability.problem.witness import Witness
 from handfast.stability.search.proof import Proof
 from handfast.stability.studies import hold as holding
 from handfast.stability.studies import maps
-from handfast.stability.studies.batch import Query, RowQuestion, along_path, answer_rows, as_base, as_rows
+from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as_base, as_rows
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.maps import MapAnswer, Plane
 from handfast.stability.studies.row_kernel import RowKernel
@@ -97,7 +97,7 @@ class PreparedGrasp:
         if is_table(wrench):
             return self._rows("check", wrench, "wrenches")
         if self.loading != "together":
-            return along_path(check_along, self.grasp, scaled_problem.as_wrench(wrench), self.settings, self._kernel)
+            return self._kernel.paths.answer(check_along, self.grasp, scaled_problem.as_wrench(wrench), self.settings)
         start = time.perf_counter()
         w = scaled_problem.as_wrench(wrench)
         backing: dict[str, Any] = {"verified": True}
@@ -140,7 +140,7 @@ class PreparedGrasp:
         asked: dict[str, Any] = {"base": base, "interval": interval}
         if comes_after(self.loading, **asked):
             d = scaled_problem.as_direction(direction)
-            return along_path(largest_along, self.grasp, d, self.settings, self._kernel)
+            return self._kernel.paths.answer(largest_along, self.grasp, d, self.settings)
         return maximum(self.grasp, direction, limits=self.limits, settings=self.settings, **asked)
 
     @overload

@@ -15,7 +15,7 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.stability.answers.load_path import StepAnswer
+from handfast.stability.answers.load_path import PathsFromRest
 from handfast.stability.answers.max_query import max_goal
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.equivalent_grasp import runs_away
@@ -46,19 +46,19 @@ class RowKernel:
 
     Attributes:
         limits: as `check` has them.
-        rest: state 0 of the paths of the grasp, if it is known.
+        paths: of the grasp's loads, where these come after the commands.
     """
 
     def __init__(self, limits: GraspLimits) -> None:
         self.limits = limits
-        self.rest: StepAnswer | None = None
+        self.paths = PathsFromRest(limits)
         self._searches: dict[tuple[Any, ...], BatchSearch] = {}
         self._memories: dict[bytes, LoadMemory] = {}
 
     def forget_maxima(self) -> None:
         """Before other commands: what was reduced for maxima, and where paths begin, is of these alone."""
         self._searches = {key: search for key, search in self._searches.items() if key[0] == ANY_STATE}
-        self.rest = None
+        self.paths = PathsFromRest(self.limits)
 
     def state(self, grasp: Grasp, w: Array, settings: Settings) -> tuple[State, int] | None:
         """A state that resists a load (6,), from those of the loads before, and its nodes; None if none is found.
