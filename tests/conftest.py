@@ -12,6 +12,10 @@ import pytest
 for library in ("OPENBLAS", "MKL"):  # before numpy is imported, as the program does
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+# or each worker, and each program that a test starts, compiles all the Python that it imports
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # compiled in processes of their own, once, not once by each worker; what is there already is found at once
 COMPILE = "from {} import LIBRARY; LIBRARY.machine_code()"
 ENGINES = ("handfast.stability.search.machine", "handfast.synthesis.search.library")
