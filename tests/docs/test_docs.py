@@ -95,7 +95,7 @@ def runnable(page: Path) -> bool:
 
 SLOW = (
     *("README", "command-line", "simulation", "robustness", "grasps", "answers", "index", "paper-grasps", "settling"),
-    *("datasets", "tendon-hand", "soft-fingers", "fixture", "measures"),
+    *("datasets", "tendon-hand", "soft-fingers", "fixture", "measures", "load-path"),
 )
 
 

@@ -16,6 +16,7 @@ from handfast import Body, InputError, Loads, check, force_map, hold, load_body,
 from handfast.core.presented import Presented
 from handfast.model.shape import Shape
 from handfast.pictures import notebook
+from handfast.pictures.map_picture import draw_map
 
 SOURCES = Path(handfast.__file__).parent
 
@@ -86,7 +87,7 @@ def test_wrong_arguments_are_told_in_words() -> None:
         (lambda: Loads.wrench("down"), r"^wrench: is 'down'; six numbers"),
         (lambda: check("fig1", [0, 1, 0]), r"^grasp: is 'fig1'; a grasp is needed, such as load_grasp"),  # type: ignore[call-overload]
         (lambda: hold(load_grasp("fig1"), [0, 1, 0]), r"^loads: is of type list; loads are needed"),  # type: ignore[arg-type]
-        (lambda: handfast.draw_map(can), r"^answer: is of type Body; what force_map answers"),  # type: ignore[arg-type]
+        (lambda: draw_map(can), r"^answer: is of type Body; what force_map answers"),  # type: ignore[arg-type]
         (lambda: handfast.view(3), r"^grasp: is of type int; grasps or the name of a file"),  # type: ignore[arg-type]
     ]
     for call, said in wrong:

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from handfast.core.errors import kinds_checked
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from handfast.model.grasp import Grasp
     from handfast.pictures.scene import Mesh
     from handfast.stability.answers.answer import Answer
-    from handfast.stability.problem.settings import Settings
     from handfast.stability.studies.maps import MapAnswer, SweepAnswer
 
 
@@ -50,12 +47,9 @@ def write_report(
     grasp: Grasp,
     entries: Sequence[Entry],
     *,
-    settings: Settings | None = None,
     meshes: Sequence[Mesh] = (),
-    notes: Sequence[str] = (),
-    facts: Sequence[tuple[str, str]] = (),
-    gallery: Sequence[tuple[Figure, str]] = (),
     force: bool = False,
+    **parts: Any,
 ) -> None:
     """Write a page that works offline: no entry is possible, then it shows the grasp alone.
 
@@ -65,11 +59,9 @@ def write_report(
     Args:
         grasp: the grasp that was asked about.
         entries: questions with answers, in the order of the page.
-        settings: what the answers were computed with, for the record.
         meshes: hand and object to draw behind the contacts, see `handfast.pictures.scene.scene_meshes`.
-        notes: sentences above the answers.
-        facts: rows of a table above the answers, name and value, such as clearances and ranks.
-        gallery: pictures with captions, after the answers: of other grasps that were found.
+        force: write over a file that exists.
+        parts: of the page, by name: `settings`, `notes`, `facts`, `gallery`, see `handfast.pictures.page.render`.
 
     Raises:
         InputError: the file exists and `force` is not set, or cannot be written.
@@ -79,5 +71,4 @@ def write_report(
     from handfast.pictures.scene import DrawnScene
 
     scene = DrawnScene.of(grasp, shown_loads(entries), meshes)
-    text = render(scene, entries, settings=settings, notes=notes, facts=facts, gallery=gallery)
-    write_text(path, text, force=force)
+    write_text(path, render(scene, entries, **parts), force=force)

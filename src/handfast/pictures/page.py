@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from handfast.core.answer import Verdict
+from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.pictures import Entry, page_parts, page_tables, sentences, view3d, words
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
@@ -27,6 +28,7 @@ from handfast.stability.studies.maps import MapAnswer, SweepAnswer
 MANY = 3  # checks; from one more on, only the first one that holds is drawn in still pictures
 
 
+@kinds_checked
 def render(
     scene: DrawnScene,
     entries: Sequence[Entry],
@@ -36,7 +38,14 @@ def render(
     facts: Sequence[tuple[str, str]] = (),
     gallery: Sequence[tuple[Figure, str]] = (),
 ) -> str:
-    """The whole page; see `handfast.pictures.write_report`. Its entries are about the scene's first grasp."""
+    """The whole page; see `handfast.pictures.write_report`. Its entries are about the scene's first grasp.
+
+    Args:
+        settings: what the answers were computed with, for the record.
+        notes: sentences above the answers.
+        facts: rows of a table above the answers, name and value, such as clearances and ranks.
+        gallery: pictures with captions, after the answers: of other grasps that were found.
+    """
     settings = settings or Settings()
     grasp, meshes = scene.grasps[0].grasp, scene.meshes_of(0)
     checks = [e for e in entries if isinstance(e.answer, CheckAnswer)]
