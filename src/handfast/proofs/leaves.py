@@ -200,10 +200,10 @@ class LeafSystems:
         counted[ragged] = self._most_ranks(ragged).sum(axis=1)
         self.more[:, ragged] = alive[ragged] - counted[ragged], many[ragged] - 1 - counted[ragged]
         margins, caps = self._enclosed(self._squares(np.flatnonzero(square | (counted < many)))), np.full(L, np.inf)
-        left = np.flatnonzero(~(margins > 0) & (alive > 0))  # also squares without an inverse
+        left = np.flatnonzero(~square & ~(margins > 0))
         if len(left):
             rank = self._most_ranks(left, by_entries=True).sum(axis=1)
-            known = (rank < many[left]) & (rank < np.where(square[left], alive[left], counted[left]))
+            known = rank < np.minimum(many, counted)[left]
             left, rank = left[known], rank[known]
             self.more[:, left] = alive[left] - rank, many[left] - 1 - rank
             margins = np.maximum(margins, self._enclosed(self._squares(left)))
