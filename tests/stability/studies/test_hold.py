@@ -100,6 +100,23 @@ def test_commands_stay_within_their_limit() -> None:
     assert quick.verdict is Verdict.SLIPS
 
 
+def test_the_preload_of_the_grasp_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `check` says of it `hold` says too, where no time is left to look for a smaller one."""
+    mine, loads = pinch(mu=0.5, arm=0.1, torque=0.08), forces(0.5 * Y, -0.4 * Y, 0.3 * Z)  # 0.05 N m are needed
+    assert hold(mine, loads).upper == pytest.approx(0.05, rel=2e-3)  # a smaller one is found
+    monkeypatch.setattr(_HoldSearch, "level", lambda search, shape: False)
+    a = hold(mine, loads)
+    assert (a.verdict, a.preload) == (Verdict.HOLDS, mine.preload)
+    assert len(a.checks) == 3
+    for weak, options in (
+        (mine, {"command_limit": 0.07}),
+        (mine, {"actuators": ("left",)}),
+        (pinch(mu=0.5, arm=0.1, torque=0.04), {}),
+    ):
+        assert hold(weak, loads, **options).preload is None
+    assert hold(mine, loads, command_limit=0.08).preload == mine.preload
+
+
 def test_only_the_actuators_asked_for_are_commanded() -> None:
     a = hold(pinch(), forces(0.5 * Y), actuators=["left"])
     assert a.preload == {"left": pytest.approx(0.05, rel=2e-3)}
@@ -359,7 +376,7 @@ def test_queries_have_a_share_of_the_time_that_is_left(monkeypatch: pytest.Monke
 
     for name, work in (("check", check), ("torques", torques), ("maximum", maximum)):
         monkeypatch.setattr(f"handfast.stability.studies.hold.{name}", slow(work))
-    a = hold(pinch(), forces(0.5 * Y, 0.4 * Y, 0.3 * Z), timeout=8.0)
+    a = hold(pinch().with_preload({}), forces(0.5 * Y, 0.4 * Y, 0.3 * Z), timeout=8.0)
     assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.TIME, None)
     assert sum(given) <= 8.0
     assert given[0] == 4.0  # half for the first load with all locked
@@ -428,7 +445,7 @@ def test_ctrl_c_in_a_query_ends_all(query: str, monkeypatch: pytest.MonkeyPatch)
 
     for name in works:
         monkeypatch.setattr(f"handfast.stability.studies.hold.{name}", counted(name))
-    a = hold(pinch(), forces(0.5 * Y, 0.4 * Y))
+    a = hold(pinch().with_preload({}), forces(0.5 * Y, 0.4 * Y))
     assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.INTERRUPTED, None)
     assert asked.count(query) == 1
     assert asked[-1] == query

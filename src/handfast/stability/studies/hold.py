@@ -269,7 +269,7 @@ class _HoldSearch:
         self.stops: set[Stop] = set()
 
     def run(self, least: bool) -> HoldAnswer:
-        """Nothing commanded, then the best for each load, then shapes that mix them."""
+        """Nothing commanded, then the grasp's own preload, the best for each load, and shapes that mix them."""
         for k, w in enumerate(self.loads.wrenches):
             if unbalanced(self.grasp, w):
                 self.first(k, Stop.COMPLETE)
@@ -278,6 +278,10 @@ class _HoldSearch:
         if locked:
             self.best = {}, locked
             return self.answer(Verdict.HOLDS, Stop.COMPLETE)
+        own = {n: v for n, v in self.grasp.preload.items() if v}
+        if least and own and set(own) <= set(self.names) and max(map(abs, own.values())) <= self.most:
+            held = self.checked(own)  # whatever is found after it is smaller
+            self.best = (own, held) if held else None
         needs: list[dict[str, float]] = []
         if not least:  # squeezing with all, or with one against the others, often does
             for shape in self.plain():
