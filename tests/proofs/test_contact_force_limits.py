@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast import Loads, Reach, Task, grasp_for, load_hand, load_task, verify
+from handfast import Loads, Reach, Task, check, grasp_for, load_hand, load_task, verify
+from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.model.body import Body
-from handfast.model.region import Bezier
+from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
 from handfast.planning.question import PlanLimits
 from handfast.planning.results.folder import GraspFolder
@@ -23,6 +24,7 @@ from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Interval
 from handfast.proofs.motors import Motors
 from handfast.proofs.tasks import TaskData, read_task
+from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair
 from tests.support.holds import flat_grip, grip, pinch, square
@@ -81,6 +83,32 @@ def test_what_is_not_limited() -> None:
     assert np.isinf(limits(task, most, laws="all")).all()
     tendon = {"tendons": {"t": {"joints": dict.fromkeys(joints, 1.0), "stiffness": 1.0}}}
     assert np.isinf(limits(task, most, motors=tendon)).all()
+
+
+def test_a_stop_beside_the_joint_ranges_of_the_task_carries_too() -> None:
+    """30 um off its stop a slide stands at it, as `JointLaw.stop` says of all within 0.1 mm: it carries any force.
+
+    Ranges of a task that begin there are no ranges without the stop. The grasp holds 100 N while the motor gives 1 N,
+    which is proved; that no forces up to 1.29 N balance them would be proved of the same question.
+    """
+    pairs = []
+    for side, link, z in ((1.0, "left_finger", 0.045), (-1.0, "right_finger", 0.033), (-1.0, "right_finger", 0.057)):
+        tip = Cap((0, 0.005 * side, z), 0.005, (0, -side, 0), 0.3)
+        pairs.append(ContactPair(link, tip, square(side, side * 0.0799 / 2, 0.014)))
+    near = dict.fromkeys(("left_slide", "right_slide"), (3e-5, 0.04))
+    task = Task.of(load_hand("parallel-gripper"), tuple(pairs), limits=near, name="near the stop")
+    block = Body.of([Shape("box", (0.028, 0.0799, 0.028), np.eye(4))], mass=0.1, name="block")
+    push, most = Loads.wrench([0, 100, 0, 0, 0, 0]), {"grip": 1.0}
+    free = grasp_for(task, block, push, timeout=60, friction=0.5, jobs=1, count=1, safety=1.0)
+    assert free.verdict is Reach.FOUND
+    grasp = free.grasps[0].grasp
+    assert {joint.stop for joint in grasp.joints} == {"lower"}
+    held = check(grasp, push.wrenches[0], limits=GraspLimits(torque_limits=most))
+    assert (held.verdict, held.exact) == (Verdict.HOLDS, True)
+    assert np.isinf(limits(task, most, laws="all")).all()
+    limited = PlanLimits(torque_limits=most)
+    answer = grasp_for(task, block, push, timeout=60, friction=0.5, jobs=1, count=1, safety=1.0, limits=limited)
+    assert answer.verdict is not Reach.NONE
 
 
 def test_a_motor_that_is_turned_back_gives_its_command() -> None:
