@@ -36,6 +36,16 @@ def test_a_table_a_summary_and_a_picture(folder: Path, capsys: pytest.CaptureFix
     assert (status, json.loads(out)["fresh"]) == (0, 0)
 
 
+def test_paths_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["label", "a.jsonl", "-o", "b.jsonl", "--directions", "1", "--gravity", "0", "0", "-1", "--mass", "1"]
+    status, out, _ = run(capsys, *asked, "--gap", "0.1", "--loading", "preload-first")
+    assert status == 0
+    assert "First the squeeze, then the load: weights are held on their paths" in out
+    assert json.loads(Path("b.summary.json").read_text())["loading"] == "preload-first"
+    status, out, _ = run(capsys, "verify", "b.jsonl", "--replay", "--dataset", "a.jsonl", "--row", "1")
+    assert "with which commands; first the squeeze, then the load" in out
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [

@@ -13,7 +13,17 @@ from tyro.conf import Positional, UseAppendAction, arg
 from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.load_options import JointLawOptions
-from handfast.cli.options import ALL, Assignments, Command, Gravity, JsonOptions, Triple, WorkOptions, assigned
+from handfast.cli.options import (
+    ALL,
+    Assignments,
+    Command,
+    Gravity,
+    JsonOptions,
+    LoadingOrder,
+    Triple,
+    WorkOptions,
+    assigned,
+)
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
 from handfast.datasets.dataset_rows import GraspChanges
@@ -36,7 +46,7 @@ LOG = 60.0  # [s] between lines of progress at most, where there is no terminal
 
 
 @dataclass(kw_only=True)
-class Label(JointLawOptions, WorkOptions, JsonOptions, Command):
+class Label(JointLawOptions, WorkOptions, LoadingOrder, JsonOptions, Command):
     """Labels for every grasp of a dataset: what it holds, by how much, with which commands.
 
     DATASET is a folder or JSON lines of grasp files, or a table (.npz, .parquet) of joint values and object poses of a
@@ -129,7 +139,8 @@ class Label(JointLawOptions, WorkOptions, JsonOptions, Command):
                 **workers,
             )
 
-        said = {"schema": "handfast/label-summary/1", "table": self.output.name} | summary.to_json()
+        of_paths = {"loading": self.loading} if self.loading != "together" else {}
+        said = {"schema": "handfast/label-summary/1", "table": self.output.name} | of_paths | summary.to_json()
         write_text(beside[0], json.dumps(said, indent=1, allow_nan=False) + "\n", force=True)
         write_bytes(beside[1], picture(draw_labels(summary, self.output.name)), force=True)
         if self.json:
@@ -166,6 +177,8 @@ class Label(JointLawOptions, WorkOptions, JsonOptions, Command):
         out.print(
             f"{summary.labelled} of {count(summary.rows, 'grasp')} labelled, {summary.broken} broken", style="bold"
         )
+        if self.loading != "together":
+            out.print("First the squeeze, then the load: weights are held on their paths, maxima are where paths end.")
         held = [(words, summary.held_by[key]) for key, words in HELD_BY.items()]
         held.append(("not asked: no mass is known; give --mass KG", summary.verdicts["no weight"]))
         if rows := [(words, str(number)) for words, number in held if number]:

@@ -11,7 +11,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.load_options import Load
-from handfast.cli.options import EndsIn, GraspOptions, Reported, check_folder
+from handfast.cli.options import EndsIn, GraspOptions, LoadingOrder, Reported, check_folder
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
@@ -142,11 +142,12 @@ def lines(found: SimulationResult) -> list[str]:
 
 
 @dataclass(kw_only=True)
-class Settle(GraspOptions, Load, Reported):
+class Settle(GraspOptions, Load, LoadingOrder, Reported):
     """Where does the grasp end up under a load that it does not resist?
 
     It is followed in slow steps, contacts found anew in the shapes of hand and object, until nothing moves or the
-    object has left. The grasp at rest is asked about as any other.
+    object has left. The grasp at rest is asked about as any other. With --loading preload-first it goes on from where
+    the load's path ends.
     """
 
     follow: bool = False
@@ -175,7 +176,7 @@ class Settle(GraspOptions, Load, Reported):
         with console.watch("settle") as watch:
             found = settle(
                 grasp, wrench, at=at, follow=self.follow, judge=self.judge, distance=self.distance, steps=self.steps,
-                settings=Settings(timeout=self.timeout),
+                loading=self.loading, settings=Settings(timeout=self.timeout),
                 on_progress=lambda share, moved: watch.say(f"{100 * share:.0f} % of the load, {1e3 * moved:.3g} mm"),
             )  # fmt: skip
         self._write(found)

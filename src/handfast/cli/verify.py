@@ -197,12 +197,12 @@ def _show_grasp(out: Console, g: Grasp) -> None:
 
 def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
     """The question of what keeps no proofs."""
+    after = "; first the squeeze, then the load" if "loading" in data.get("questions", data) else ""
     if data["schema"] == "handfast/labels/1":
         kind = data["dataset"].get("kind")
         source = next((str(x) for key, x in data["dataset"].items() if key.startswith("sha256")), "")
-        out.print(
-            f"{_opening(proved)} what the grasps of the dataset hold, by how much, and with which commands".rstrip()
-        )
+        asked_of = f"what the grasps of the dataset hold, by how much, and with which commands{after}"
+        out.print(f"{_opening(proved)} {asked_of}", soft_wrap=True)
         out.print(f"relative to the dataset ({kind}) sha256 {source[:DIGITS]}…", style="dim", soft_wrap=True)
         return
     out.print()
@@ -211,7 +211,8 @@ def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
             if data[key]:
                 g = grasp_file.from_dict(data[key])
                 load = words.load_text(np.array(data[wrench]))
-                out.print(f"{_opening(proved)} {load}, {name}; {words.grasp_text(g)}; preload {words.preload_text(g)}")
+                held = f"{words.grasp_text(g)}; preload {words.preload_text(g)}{after}"
+                out.print(f"{_opening(proved)} {load}, {name}; {held}", soft_wrap=True)
                 _show_grasp(out, g)
         return
     asked = data["question"]

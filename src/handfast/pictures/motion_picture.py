@@ -61,6 +61,8 @@ def details(found: Settled) -> list[str]:
         gives = found.rest is Rest.SETTLES and found.onset is None
         why = ", of contacts that stay where they are; followed, they move with hand and object" if gives else ""
         lines.append(f"As it stands, check says: {verdict_of(found.before)}{why}.")
+    if found.gone_on_at is not None:
+        lines.append(f"It goes on from where the load's path ends, at {num(100 * found.gone_on_at)} % of the load.")
     if found.onset is not None:
         lines.append(f"On its path it first slipped at {num(100 * found.onset)} % of the {found.onset_of}.")
     if found.last is not None and found.path:

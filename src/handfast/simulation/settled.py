@@ -25,8 +25,9 @@ from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import save_grasp, to_dict
 from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.answers.answer import finite
+from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.grasp_limits import Terms
-from handfast.stability.problem.settings import INF
+from handfast.stability.problem.settings import INF, Loading
 from handfast.stability.studies.ask_again import Asking, BoundsClaim, Claim, VerdictClaim, asked, together
 from handfast.stability.studies.verify_maps import grasp_of
 
@@ -94,6 +95,7 @@ class Settled(Presented):
         scene: hand and object.
         seconds: wall time.
         notes: what there is to know beside it, a sentence each.
+        loading: as of `check`; with "preload-first" the second point of `path` is where the load's path ends.
     """
 
     rest: Rest
@@ -113,6 +115,7 @@ class Settled(Presented):
     scene: Scene = field(repr=False)
     seconds: float
     notes: tuple[str, ...] = ()
+    loading: Loading = "together"
 
     @property
     def moved(self) -> float:
@@ -128,6 +131,12 @@ class Settled(Presented):
         return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
 
     @property
+    def gone_on_at(self) -> float | None:
+        """The share of the load at which it went on from the load's path; None where it was followed from rest."""
+        begun = self.before is not None and isinstance(self.before.path, LoadPath) and self.before.path.held
+        return self.path[1].share if self.path and begun else None
+
+    @property
     def confirmed(self) -> bool:
         """Does `check` certify the grasp at rest?"""
         return self.after is not None and self.after.verdict is Verdict.HOLDS
@@ -137,6 +146,7 @@ class Settled(Presented):
         most = None if self.most is None else [self.most.lower, finite(self.most.upper)]
         return {
             "schema": "handfast/settled/1",
+            **({"loading": self.loading} if self.loading != "together" else {}),
             "rest": str(self.rest),
             "grasp": self.first.name,
             "wrench": self.wrench.tolist(),
@@ -214,11 +224,14 @@ def replay_settled(data: Any, how: Asking) -> Replay:
     after = f.text("after", among=VERDICTS) if has_last else None
     last_wrench = f.numbers("last_wrench", (6,)) if has_last else np.zeros(6)
     most = f.take("most", None)
+    loading: Loading = "together"
+    if f.has("loading"):
+        loading = f.text("loading", among=["preload-first"])  # type: ignore[assignment]
     for name in (*COURSE, "last", "after", "last_wrench"):
         f.take(name, None)
     f.done()
 
-    terms = Terms()
+    terms = Terms(loading=loading)
     claims: dict[str, list[Claim]] = {"first": [], "last": []}
     if before != Verdict.UNDECIDED:
         claims["first"].append(VerdictClaim("before", first, wrench, terms, before))

@@ -30,16 +30,18 @@ from handfast.simulation.hand_drive import (
 )
 from handfast.simulation.settled import PathPoint, Rest, Settled
 from handfast.simulation.simulate import force_unit, simulate
-from handfast.simulation.slow_motion import CARRIES, FARTHEST, STILL, Moved, PointLoad, SlowMotion
+from handfast.simulation.slow_motion import CARRIES, FARTHEST, STIFFNESS, STILL, Moved, PointLoad, SlowMotion
 from handfast.stability.answers import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.answers.load_path import LoadPath, comes_after
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.settings import Loading, Settings
 
 MOST_STEPS = 2000
 COMMANDS, LOADS = 4, 20  # equal parts in which commands and load come
 RESTING = 3  # whole steps in a row at the full load that move nothing
 SLID = 2.0  # steps' worth of the longest step: a part of the load that moves it farther made it slip
 LIMIT = Settings(timeout=20.0)
+NO_STATE = "no state of the commands alone is shown: it is followed from rest"
 OFF = 1e-3  # [m] a contact of the file with none of the shapes' so near is told of
 
 OnPath = Callable[[float, float], None]
@@ -97,6 +99,7 @@ def settle(
     distance: float | None = None,
     steps: int = MOST_STEPS,
     judge: bool = True,
+    loading: Loading = "together",
     settings: Settings | None = None,
     on_progress: OnPath | None = None,
 ) -> Settled:
@@ -105,7 +108,8 @@ def settle(
     If `check` does not certify the grasp as it stands, it is followed in steps of a slow motion (`drag_step`): first
     the commands come, then the load, in parts, each when nothing moves any more. Contacts are found anew in the real
     shapes before each step. The grasp at rest is asked about by `check`: it alone decides between settles and rests.
-    Deterministic.
+    Deterministic. With `loading="preload-first"` the motion goes on from where the load's path ends: hand, object and
+    gearings stand as its last state says, and the load is what that state carries.
 
     Args:
         grasp: whose provenance names hand, object and configuration, or with its scene.
@@ -116,6 +120,7 @@ def settle(
         distance: [m] beyond which it has left; the grasp's size, or the object's if that is smaller, unless given.
         steps: the most there may be.
         judge: ask how much of the load the last grasp resists, and what `simulate` says of it.
+        loading: as of `check`, which is so asked about both grasps.
         settings: of `check` and `maximum`, 20 s each unless given.
         on_progress: called after each step with the share of the load and the distance moved [m].
 
@@ -124,6 +129,7 @@ def settle(
     """
     begun = time.perf_counter()
     settings = settings or LIMIT
+    comes_after(loading)
     placed = grasp if isinstance(grasp, GraspInScene) else GraspInScene.of(grasp)
     grasp = placed.grasp
     grasp.refuse_soft_fingers("settling")
@@ -136,14 +142,17 @@ def settle(
     if steps < 1:
         raise InputError(f"is {steps}; at least 1 is needed", field="steps")
     load = _point_load(w, frozen(at, (3,), "at"), placed.pose)
-    before = certified(grasp, w, settings)
+    before = certified(grasp, w, settings, loading)
     found = Settled(
         Rest.HOLDS, grasp, before, w, (), placed.hand.joint_names, None, "load", grasp, before, w, None, None, "",
-        placed.scene, 0.0, _notes(placed),
+        placed.scene, 0.0, _notes(placed), loading,
     )  # fmt: skip
     if follow or before is None or before.verdict is not Verdict.HOLDS:
         motion = _motion(placed, load, (force_unit(grasp, w), length))
-        path, onset, ending = _followed(motion, placed, bound, steps, on_progress)
+        of_load = None if before is None or not isinstance(before.path, LoadPath) else before.path
+        if loading != "together" and (of_load is None or not of_load.held):
+            found = replace(found, notes=(*found.notes, NO_STATE))
+        path, onset, ending = _followed(motion, placed, bound, steps, on_progress, of_load)
         found = replace(found, rest=ending, path=tuple(path), onset=onset[0], onset_of=onset[1])
         found = replace(found, last=None, after=None, last_wrench=None)
         if ending is Rest.RESTS:
@@ -158,11 +167,11 @@ def _asked_again(
     last = _last(placed, motion)
     if last is None:
         return replace(found, notes=(*found.notes, "at rest it touches nothing"))
-    after = certified(last, wrench, settings)
+    after = certified(last, wrench, settings, found.loading)
     notes = found.notes
     if after is None:
         notes = (*notes, "no forces whatever at the contacts found at rest balance the load exactly")
-    most, simulated = _judged(last, wrench, settings) if judge else (None, "")
+    most, simulated = _judged(last, wrench, settings, found.loading) if judge else (None, "")
     closing = {j.name: int(s) for j, s in zip(placed.hand.joints, placed.hand.closing, strict=True)}
     configuration = Configuration.of(
         placed.hand, motion.q, motion.pose, hand=placed.names[0], object=placed.names[1],
@@ -175,10 +184,11 @@ def _asked_again(
     )  # fmt: skip
 
 
-def certified(grasp: Grasp, wrench: Array, settings: Settings) -> CheckAnswer | None:
+def certified(grasp: Grasp, wrench: Array, settings: Settings, loading: Loading = "together") -> CheckAnswer | None:
     """What `check` says; None where no forces whatever at the contacts balance the load, which it refuses."""
     scaled_problem.as_wrench(wrench, "wrench")
-    return None if scaled_problem.unbalanced(grasp, wrench) else check(grasp, wrench, settings=settings)
+    unbalanced = scaled_problem.unbalanced(grasp, wrench)
+    return None if unbalanced else check(grasp, wrench, loading=loading, settings=settings)
 
 
 def _point_load(w: Array, at: Array, pose: Array) -> PointLoad:
@@ -204,16 +214,52 @@ def _motion(placed: GraspInScene, load: PointLoad, units: tuple[float, float]) -
     return SlowMotion(placed.scene, placed.q, placed.pose, drive, load, units, friction, middle, rest)
 
 
+def _gone_on(motion: SlowMotion, placed: GraspInScene, path: LoadPath) -> PathPoint:
+    """The motion at the end of a load's path, whose springs have unit stiffness, and what is there."""
+    from scipy.spatial.transform import Rotation
+
+    grasp, share = placed.grasp, path.reached
+    w = path.held[-1].witness
+    assert share is not None
+    assert w is not None
+    per = STIFFNESS * motion.force / motion.length  # [N/m] of a contact
+    r, q = (x / per for x in path.moved)
+    axes, _ = placed.hand.joint_axes(placed.q)
+    joints = {}
+    for joint, far in zip(grasp.joints, q.tolist(), strict=True):
+        if joint.name in placed.hand.joint_names:  # the length of a tendon is none of them
+            axis = placed.pose[:3, :3].T @ axes[placed.hand.joint(joint.name)]
+            joints[joint.name] = far * float(np.sign(axis @ joint.axis))
+    motion.begin_at(Rotation.from_rotvec(r[3:]).as_matrix(), r[:3], joints, share)
+    c_n = w.state.c[::3]
+    carries = c_n > CARRIES * motion.force
+    links = tuple(str(c.link) for c, there in zip(grasp.contacts, carries, strict=True) if there)
+    moved = _distance(grasp.positions, placed.pose, motion.pose)
+    return PathPoint(share, moved, motion.pose, motion.q, links, grasp.positions[carries], c_n[carries])
+
+
 def _followed(
-    motion: SlowMotion, placed: GraspInScene, bound: float, steps: int, on_progress: OnPath | None
+    motion: SlowMotion,
+    placed: GraspInScene,
+    bound: float,
+    steps: int,
+    on_progress: OnPath | None,
+    of_load: LoadPath | None = None,
 ) -> tuple[list[PathPoint], tuple[float | None, str], Rest]:
-    """The path, at which share of what it first slipped, and whether it is at rest, has left or still moves."""
+    """The path, at which share of what it first slipped, and whether it is at rest, has left or still moves.
+
+    of_load: the load's path from whose last state it goes on, if it has one.
+    """
     start, points = motion.pose, placed.grasp.positions
     nothing = np.zeros((0, 3)), np.zeros(0)
     path = [PathPoint(0.0, 0.0, motion.pose, motion.q, (), *nothing)]
     onset: tuple[float | None, str] = (None, "load")
     loading = not placed.grasp.preload  # nothing to command: the load begins at once
-    motion.driven, motion.share = (1.0, 1.0 / LOADS) if loading else (1.0 / COMMANDS, 0.0)
+    if of_load is not None and of_load.held:
+        loading = True
+        path.append(_gone_on(motion, placed, of_load))
+    else:
+        motion.driven, motion.share = (1.0, 1.0 / LOADS) if loading else (1.0 / COMMANDS, 0.0)
     quiet, since = 0, 0.0
     for _ in range(steps):
         done = motion.step()
@@ -277,10 +323,10 @@ def _last(placed: GraspInScene, motion: SlowMotion) -> Grasp | None:
     return last.about(mass=mass, center_of_mass=centre, provenance=bare.provenance)
 
 
-def _judged(last: Grasp, wrench: Array, settings: Settings) -> tuple[MaxAnswer | None, str]:
+def _judged(last: Grasp, wrench: Array, settings: Settings, loading: Loading) -> tuple[MaxAnswer | None, str]:
     """How much of the load the last grasp resists, and how a simulation of it ends."""
     asked = wrench.any() and not scaled_problem.unbalanced(last, wrench)
-    most = maximum(last, wrench, settings=settings) if asked else None
+    most = maximum(last, wrench, loading=loading, settings=settings) if asked else None
     return most, str(simulate(last, wrench, ramp=4.0).ending)
 
 

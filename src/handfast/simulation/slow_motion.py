@@ -108,6 +108,27 @@ class SlowMotion:
         self._last = np.zeros(0)
         self._pressure: dict[Pair, list[float]] = {}
 
+    def begin_at(self, turned: Array, shift: Array, joints: Mapping[str, float], share: float) -> None:
+        """Begin elsewhere, under all of the commands and a share of the load: contacts press as deep as they are there.
+
+        Args:
+            turned: (3, 3), shift: (3,) [m] of the object from where it is, its own frame and origin.
+            joints: by how much these are farther [rad, m]; couplings take others along.
+        """
+        basis = self._basis()
+        known = [self.hand.joint(name) for name in joints]
+        moved = np.array(list(joints.values())) / self._unit[known]
+        x = np.linalg.lstsq(basis[known], moved, rcond=None)[0]
+        self.q = self.hand.closed(self.q + self._unit * (basis @ x), self.q, as_far_as_possible=True)
+        R, t = self.pose[:3, :3], self.pose[:3, 3]
+        self.pose = transform(t + R @ shift, R @ turned)
+        self.share, self.driven, self.winding = share, 1.0, True
+        self._wind()
+
+    def _wind(self) -> None:
+        """Let gearings keep what has closed."""
+        self._gear = np.maximum(self._gear, self._sense * (self.drive.rows @ self.q))
+
     def step(self) -> Moved:
         """One step, as far as nothing moves farther than `FARTHEST`."""
         reach = 2 * FARTHEST * self.length
@@ -241,7 +262,7 @@ class SlowMotion:
         self.q = self.hand.closed(q, self.q, as_far_as_possible=True)
         self.pose = transform(middle + self.length * x[:3] - turned @ self._middle, turned)
         if self.winding:
-            self._gear = np.maximum(self._gear, self._sense * (self.drive.rows @ self.q))
+            self._wind()
 
     def _guess(self, points: TouchPoints) -> Array:
         """(n,) forces that pairs of solids had in the last step."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,13 @@ import numpy as np
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, require_not_negative, require_positive
-from handfast.core.schema import InFiles, Vectors3
+from handfast.core.schema import LEFT_OUT, InFiles, Vectors3
 from handfast.datasets.labels.label_columns import MEASURES, WRENCHES, LabelColumn, wrench_column
 from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions, largest_command
 from handfast.measures.measuring import measure_columns
 from handfast.model.grasp import Grasp
-from handfast.stability.problem.settings import Settings
+from handfast.stability.answers.load_path import comes_after
+from handfast.stability.problem.settings import Loading, Settings
 
 AXES = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
 NODES = 320_000  # of a question of one contact, over the square of the contacts: a node costs as much more
@@ -38,6 +39,8 @@ class Labelling:
         timeout: [s] of a grasp, for all its questions: a fuse.
         replay: replay every proof with the independent checker. States are checked in any case; that a load slips, and
             upper bounds, then rest on the search's word. It takes more than ten times as long.
+        loading: as of `check`. With "preload-first" maxima are where paths end, weights are held on their paths, and
+            nothing bounds commands from below.
     """
 
     gravity: tuple[tuple[float, float, float], ...] = AXES
@@ -47,8 +50,10 @@ class Labelling:
     nodes: float | None = None
     timeout: float = TIME_LIMIT
     replay: bool = False
+    loading: Loading = "together"
 
     def __post_init__(self) -> None:
+        comes_after(self.loading)
         for v in self.gravity:
             if not (np.isfinite(v).all() and np.linalg.norm(v) > 1e-12):
                 raise InputError("is zero or not finite; a direction is needed", field="gravity")
@@ -71,7 +76,7 @@ class Labelling:
     def questions(self) -> LabelQuestions:
         """The same with the directions written out."""
         pulls = np.array([np.array(v) / np.linalg.norm(v) for v in self.gravity])
-        limits = self.nodes, self.timeout, self.replay
+        limits = self.nodes, self.timeout, self.replay, self.loading
         return LabelQuestions(pulls, spread(self.directions), self.g, self.gap, *limits)
 
 
@@ -86,6 +91,7 @@ class LabelQuestions(InFiles):
     nodes: float | None
     timeout: float
     replay: bool
+    loading: Loading = field(default="together", metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         require_positive(self.g, "g")
@@ -104,7 +110,7 @@ def label(grasp: Grasp, labelling: Labelling) -> dict[str, Any]:
     """The label of a grasp: values by column, those of the row and of the dataset left out."""
     start = time.perf_counter()
     settings = labelling.settings(grasp.m)
-    ask = Questions(grasp, settings, labelling.timeout, ALL * settings.nodes)
+    ask = Questions(grasp, settings, labelling.timeout, ALL * settings.nodes, labelling.loading)
     center = center_of(grasp)
     axes, forces = _axes(ask, center)
     out = described_grasp(grasp) | axes
@@ -173,13 +179,14 @@ def _under_gravity(
     new = [v for v in pulls if _key(v) not in forces]
     known = forces | dict(zip(map(_key, new), ask.largest([force_at(v, center) for v in new]), strict=True))
     most = [known[_key(v)] for v in pulls]
-    # beyond the largest that is resisted nothing is; what is below it may slip all the same
-    maybe = [k for k, m in enumerate(most) if m.upper >= weight]
+    # beyond the largest that is resisted nothing is; what is below it may slip all the same, on a path both may be
+    maybe = [k for k, m in enumerate(most) if m.upper >= weight or ask.along_paths]
     verdicts = [Verdict.SLIPS] * len(pulls)
     for k, verdict in zip(maybe, ask.held([weight * force_at(pulls[k], center) for k in maybe]), strict=True):
         verdicts[k] = verdict
     most = [  # a weight that is held is a witness, too, where the search for the largest found less within its limits
-        replace(m, lower=max(m.lower, weight)) if v is Verdict.HOLDS else m for m, v in zip(most, verdicts, strict=True)
+        replace(m, lower=max(m.lower, min(weight, m.upper))) if v is Verdict.HOLDS else m
+        for m, v in zip(most, verdicts, strict=True)
     ]
     loads = [weight * force_at(v, center) for v in pulls]
     order = sorted(range(len(pulls)), key=lambda k: (most[k].lower, most[k].upper, k))
@@ -258,7 +265,7 @@ def _worst(
 
     Where a direction is shown to resist as much as the least so far, its own largest does not matter: a check tells it
     sooner than a maximum, and many checks together sooner than one by one. Those that are likely to be the least come
-    first.
+    first. On paths each has its own: a path to a load may come farther than the one whose end is sought.
     """
     left = np.argsort(_guesses(directions, forces), kind="stable").tolist()
     worst, where = LargestLoad(np.inf, np.inf, False), left[0]
@@ -267,7 +274,7 @@ def _worst(
         most = ask.largest([force_at(directions[k], center)])[0]
         if (most.lower, most.upper) < (worst.lower, worst.upper):
             worst, where = most, k
-            if np.isfinite(worst.upper):
+            if np.isfinite(worst.upper) and not ask.along_paths:
                 verdicts = ask.held([worst.upper * force_at(directions[i], center) for i in left])
                 left = [i for i, verdict in zip(left, verdicts, strict=True) if verdict is not Verdict.HOLDS]
     return _bounds("worst_force", worst) | {"worst_direction": directions[where].tolist()}

@@ -20,7 +20,7 @@ from handfast.stability.answers import torques
 from handfast.stability.answers.batch_answer import BatchAnswer
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.scaled_problem import unbalanced
-from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.studies.batch import max_many
 from handfast.stability.studies.hold import hold
 from handfast.stability.studies.prepared import PreparedGrasp, prepare
@@ -74,6 +74,7 @@ class Questions:
         grasp: with the preload in force.
         settings: of each question but for its time, and for its nodes where these come to an end.
         seconds: [s] for all questions together. budget: nodes for all of them.
+        loading: as of `check`.
         nodes: spent so far. open: questions that a limit left open. stop: the last limit that was hit.
     """
 
@@ -81,10 +82,16 @@ class Questions:
     settings: Settings
     seconds: float
     budget: float
+    loading: Loading = "together"
     nodes: int = 0
     open: int = 0
     stop: Stop = Stop.COMPLETE
     _begin: float = field(default_factory=time.monotonic)
+
+    @property
+    def along_paths(self) -> bool:
+        """Do loads come after the commands?"""
+        return self.loading != "together"
 
     def largest(self, directions: list[Array]) -> list[LargestLoad]:
         """The largest multiple of each disturbance (6,) that is resisted; each helps the next."""
@@ -94,7 +101,7 @@ class Questions:
             return out
         settings, W = self._limited(len(asked)), [directions[k] for k in asked]
         if settings.verify:
-            found = max_many(self.grasp, W, settings=settings, jobs=1, answers=True)
+            found = max_many(self.grasp, W, settings=settings, jobs=1, answers=True, loading=self.loading)
         else:
             found = self._prepared(settings).maximum(W)
         for i, k in enumerate(asked):
@@ -118,11 +125,15 @@ class Questions:
     def commands(self, wrench: Array, motors: tuple[str, ...] | None = None) -> LeastCommands:
         """The smallest commands that resist a disturbance (6,), of the motors that the grasp commands, else of all.
 
+        None are sought on a path, where nothing bounds them from below.
+
         Args:
             motors: others in place of these.
         """
         if unbalanced(self.grasp, wrench) or not (motors or self.grasp.sought_actuators):
             return LeastCommands(None, np.inf)
+        if self.along_paths:
+            return LeastCommands(None, 0.0)
         answer = torques(self.grasp, wrench, actuators=motors, settings=self._limited(1))
         self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
         if answer.preload is None:
@@ -134,12 +145,15 @@ class Questions:
     ) -> tuple[int | None, dict[int, dict[str, float]]]:
         """The first of these disturbances (6,) that is seen in a few nodes to slip whatever is commanded, if one is.
 
-        They are asked in an order. Beside it commands, by number, that were found to resist some of those before it.
+        They are asked in an order. Beside it commands, by number, that were found to resist some of those before it. On
+        paths only what no forces balance, or nothing can be commanded for, is known to slip so.
         """
         free, found = free_motors(self.grasp), dict[int, dict[str, float]]()
         for k in order:
             if not free or unbalanced(self.grasp, wrenches[k]):
                 return k, found
+            if self.along_paths:
+                continue
             settings = self._limited(1)
             first = replace(settings, nodes=min(settings.nodes, FIRST))
             answer = torques(self.grasp, wrenches[k], actuators=free, settings=first)
@@ -176,7 +190,7 @@ class Questions:
         loads, found = Loads(tuple(str(k) for k in range(len(wrenches))), np.array(wrenches)), Verdict.UNDECIDED
         for motors in dict.fromkeys((own, free)):
             settings = self._limited(len(wrenches))
-            asked: dict[str, Any] = {"least": False, "known": resisting, "settings": settings}
+            asked: dict[str, Any] = {"least": False, "known": resisting, "settings": settings, "loading": self.loading}
             asked["bounding"] = replace(settings, gap=max(ROUGH, settings.gap), nodes=min(settings.nodes, BRIEF))
             answer = hold(self.grasp, loads, actuators=motors, timeout=len(wrenches) * settings.timeout, **asked)
             self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
@@ -190,7 +204,8 @@ class Questions:
 
         They are asked in an order; what is not resisted goes to its front.
         """
-        prepared = prepare(self.grasp.with_preload(command), settings=self._limited(len(wrenches)))
+        settings = self._limited(len(wrenches))
+        prepared = prepare(self.grasp.with_preload(command), settings=settings, loading=self.loading)
         for k in order:
             found = prepared.check([wrenches[k]])
             self._count_row(found, 0, closed=True)  # what is open is tried otherwise
@@ -227,4 +242,4 @@ class Questions:
 
     @cached_property
     def _together(self) -> PreparedGrasp:
-        return prepare(self.grasp)
+        return prepare(self.grasp, loading=self.loading)

@@ -55,6 +55,7 @@ from handfast.stability.studies.ask_again import (
 
 COURSE = "open, stop, nodes, seconds: the course of the searches is recorded, and nothing rests on it"
 BROKEN = "rows that could not be labelled"
+UNBOUNDED = "nothing that is known bounds the commands of a path from below"
 
 
 def about_labels(path: Path) -> dict[str, Any]:
@@ -128,7 +129,7 @@ class _Recipe(InFiles):
 
     @property
     def terms(self) -> Terms:
-        return Terms(gap=self.questions.gap)
+        return Terms(gap=self.questions.gap, loading=self.questions.loading)
 
 
 def _claims(said: Mapping[str, Any], row: DatasetRow, recipe: _Recipe, source: str) -> tuple[list[Replay], list[Claim]]:
@@ -296,6 +297,8 @@ class CommandsClaim(Claim):
         if unbalanced(self.grasp, self.load):
             none = self.no_forces()
             return replace(told, refused=none.reason, figures=none.figures)
+        if self.terms.along_paths:
+            return replace(told, refused=f"is {self.lower:.9g}; {UNBOUNDED}")
         gap = self.gap
         while clock.left > 0:
             answer = torques(self.grasp, self.load, settings=clock.settings(gap))
@@ -333,6 +336,8 @@ class NoCommandsClaim(Claim):
         motors, held = free_motors(self.grasp), 0
         if not motors:
             return (told,)  # the verdicts are asked again on their own
+        if self.terms.along_paths:
+            return (replace(told, refused=f"is 'none'; {UNBOUNDED}"),)
         for load in self.loads:
             if clock.left <= 0:
                 return (replace(told, undecided=NO_TIME),)

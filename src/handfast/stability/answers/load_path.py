@@ -135,6 +135,13 @@ class LoadPath:
         return self.held[-1]._shown if self.held else None
 
     @property
+    def moved(self) -> tuple[Array, Array]:
+        """(6,), (l,) how far object and joints have come from rest, all steps together, see `State`; 0 without any."""
+        states = [s.witness.state for s in self.held if s.witness is not None]
+        g = self.whole.problem.grasp
+        return sum((x.r for x in states), np.zeros(6)), sum((x.q for x in states), np.zeros(g.l))
+
+    @property
     def motion(self) -> float | None:
         """[N] how large the virtual motions of a step are at most; None without any."""
         return max((s.motion for s in self.held if s.motion is not None), default=None)
