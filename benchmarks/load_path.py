@@ -1,6 +1,6 @@
 """First the squeeze, then the load: do answers along a path agree with a dynamics engine better than the paper's?
 
-    python -m benchmarks.load_path [--hands FOLDER] [--shared ../shared] [--seconds 3600] [--simulate]
+    python -m benchmarks.load_path [--hands FOLDER] [--shared ../shared] [--seconds 3600] [--simulate | --tables]
 
 Asks the questions of `benchmarks.simulation_agreement` again, at the same loads, with `loading="preload-first"`, and
 holds the answers against the engine's stored outcomes with the commands first: all that have a bounded maximum, in one
@@ -8,7 +8,7 @@ shuffled order, so that what is asked is a fair sample wherever it ends. Questio
 repository are left out unless the folders have them. Also the processor time of each path beside that of a check.
 With `--simulate` those that were asked are simulated again, with commands that grow slowly: the stored ones act at once
 and squeeze with a jolt; those that are not fragile first. Writes results/load_path.json as it goes on, and goes on
-where it was stopped.
+where it was stopped. `--tables` prints those of docs/load-path.md. Shadow and Adroit hands are counted apart.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from handfast.stability.problem.settings import Loading, Settings
 RESULTS = Path(__file__).parent / "results" / "load_path.json"
 LIMIT = Settings(timeout=20.0)
 FIRST: Loading = "preload-first"
+APART = "closed shadow", "closed adroit"  # families of hands that few have, not among all
 CLOSING = 4.0  # [s of the twin] over which commands grow with --simulate
 
 
@@ -88,7 +89,8 @@ def counted(rows: list[dict[str, Any]], said: str, ending: str = "ending") -> di
 
 def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Counts of all answers, of those that are not fragile, and of each family; times of paths over those of checks."""
-    parts = {"all": list(asked.values()), "not fragile": [q for q in asked.values() if not q["fragile"]]}
+    most = [q for q in asked.values() if q["family"] not in APART]
+    parts = {"all": most, "not fragile": [q for q in most if not q["fragile"]]}
     for family in sorted({q["family"] for q in asked.values()}):
         parts[family] = [q for q in asked.values() if q["family"] == family]
         parts[f"{family}, not fragile"] = [q for q in parts[family] if not q["fragile"]]
@@ -119,6 +121,26 @@ def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
+def tables(parts: dict[str, Any]) -> str:
+    """Those of the page, in Markdown, from a summary."""
+    heads = "questions", "loads", "agree, together", "agree, on the path", "slips said, holds"
+    lines = [f"| answers | {' | '.join(heads)} | holds said, slips or jumps | open |", "|---" + 7 * "|---:" + "|"]
+    for name, part in parts.items():
+        if not isinstance(part, dict) or not part.get("questions"):
+            continue
+        path, both = part["path"], [f"{100 * part[x]['agreement']:.1f} %" for x in ("together", "path")]
+        wrong = path.get("said slips, holds", 0), path.get("said holds, slips", 0) + path.get("said holds, settles", 0)
+        cells = name, part["questions"], part["loads"], *both, *wrong, path.get("open", 0)
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    lines += ["", "| answers | loads | commands | agree, together | agree, on the path |", "|---|---:|---|---:|---:|"]
+    for name, part in parts.items():
+        again = part.get("simulated again", {}) if isinstance(part, dict) else {}
+        for key, words in (("at once", "act at once"), ("slowly", "grow within 4 s")) if again else ():
+            both = [f"{100 * again[key][x]['agreement']:.1f} %" for x in ("together", "path")]
+            lines.append(f"| {name} | {again['loads']} | {words} | {' | '.join(both)} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_folders(parser)
@@ -126,11 +148,15 @@ def main() -> None:
     parser.add_argument(
         "--simulate", action="store_true", help="simulate again what was asked, commands growing slowly"
     )
+    parser.add_argument("--tables", action="store_true", help="print those of the page, and ask nothing")
     parser.add_argument("--results", type=Path, default=RESULTS)
     args = parser.parse_args()
     begun = time.monotonic()
     data = json.loads(args.results.read_text()) if args.results.exists() else {"questions": {}}
     asked = data["questions"]
+    if args.tables:
+        print(tables(summary(asked)))
+        return
     stored = json.loads(study.RESULTS.read_text())["questions"]
     known = {q.name: q for q in questions(ClosedHands(args.hands, args.shared)) if not q.missing}
     names = order(stored)

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from benchmarks.grasps import random_case
 from handfast import Contact, Grasp, GraspJoint, Mechanism, load_grasp
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
@@ -24,6 +26,7 @@ from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.solve import clock_of
+from tests.support.problems import moved
 
 FIRST = "preload-first"
 
@@ -109,6 +112,41 @@ def test_where_gearing_is_let_go_the_path_is_the_papers_again() -> None:
     """A backdrivable motor gives its command, whatever it did in the squeeze."""
     after, together = (maximum(jaw(MOTOR), [-1, 1, 0], loading=x) for x in (FIRST, "together"))
     assert after.lower == pytest.approx(0.5, rel=2e-3) == pytest.approx(together.lower, rel=2e-3)
+
+
+def test_a_path_ends_below_the_papers_maximum_where_the_jaw_may_press_no_more() -> None:
+    """No contact may press with more than 1.2 N. Together the jaw carries 1, so that the wall's friction ends it: 1/2.
+
+    On the path the jaw presses with 1 + s / 2: s = 0.4.
+    """
+    limits = GraspLimits(force_limit=1.2)
+    together, after = (maximum(jaw(), [-1, 1, 0], limits=limits, loading=x) for x in ("together", FIRST))
+    assert together.lower == pytest.approx(1 / 2, rel=2e-3)
+    assert after.lower <= 0.4 * (1 + 1e-9) <= after.upper * (1 + 1e-9)
+    assert after.gap <= 4e-3
+    assert after.verify().ok
+
+
+@pytest.mark.parametrize("steps", [1, 8])
+def test_commands_and_load_at_once_in_steps_are_the_papers_question(steps: int) -> None:
+    """The jaw follows its command through all steps, so that it carries that alone, and the wall the load: 1 - s.
+
+    Steps of commands and load in proportion lead through the multiples of one state. First the squeeze: 1 +- s / 2.
+    """
+    load, start = 0.4 * np.array([-1.0, 1.0, 0]), None
+    for k in range(1, steps + 1):
+        share = k / steps
+        grasp = jaw().with_preload({"jaw": share})
+        grasp = grasp if start is None else grasp.with_start(start)
+        step = any_state(StepAnswer, scaled_problem.build(grasp, share * load), Settings())
+        assert step.verdict is Verdict.HOLDS
+        assert pressed(step) == pytest.approx((share, 0.6 * share), abs=1e-9)
+        start = start_after(step, step.witness)
+    assert start.gaps == pytest.approx([-1, -0.6])
+    beyond = scaled_problem.build(jaw().with_preload({"jaw": 1.3}).with_start(start), 0.54 * 1.3 * load / 0.4)
+    assert any_state(StepAnswer, beyond, Settings()).verdict is Verdict.SLIPS  # from 1/2 of the command on
+    assert pressed(check(jaw(), load)) == pytest.approx((1.0, 0.6))
+    assert pressed(check(jaw(), load, loading=FIRST)) == pytest.approx((1.2, 0.8))
 
 
 def test_a_path_ends_at_a_hole_below_the_papers_maximum() -> None:
@@ -246,6 +284,23 @@ def test_units_frames_and_order_change_nothing() -> None:
     other = maximum(turned, np.r_[force, np.cross(at, force)], loading=FIRST)
     assert other.lower == pytest.approx(one.lower, rel=2e-3)
     assert other.upper == pytest.approx(one.upper, rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", [30, 31])
+def test_millimetres_turned_frames_and_another_order_of_a_random_grasp(seed: int) -> None:
+    """A path ends at the same load in other units of length and force, in a turned and shifted frame."""
+    case, rng = random_case(3, 16 + seed), np.random.default_rng(seed)
+    grasp, load = case.grasp, case.direction
+    R = Rotation.random(random_state=seed).as_matrix()
+    shift, order, length, force = rng.normal(size=3), rng.permutation(grasp.m).tolist(), 1000.0, 0.25
+    other = moved(grasp, R, shift, order, length, force)
+    f, t = R @ load[:3], R @ load[3:]
+    w = force * np.r_[f, length * (t + np.cross(shift, f))]
+    one, two = (maximum(g, d, loading=FIRST, settings=Settings(gap=1e-2)) for g, d in ((grasp, load), (other, w)))
+    assert one.verdict is two.verdict is Verdict.HOLDS
+    assert two.lower == pytest.approx(one.lower, rel=1.1e-2)
+    assert two.path.reached == two.lower
+    assert two.verify().ok
 
 
 @pytest.mark.parametrize(
