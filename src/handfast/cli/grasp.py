@@ -245,9 +245,9 @@ def balance_text(searched: BalanceSearched) -> str:
 def joined_text(searched: JoinedSearched, task: Task) -> str:
     """How far the proof has come that every configuration is discarded, and what stands in its way."""
     links = ", ".join(task.contact_pairs[k].link for k in searched.contacts)
-    done = f"{100 * searched.discarded:.3g} % of the configurations of {links} are discarded"
+    done = f"{100 * searched.discarded:.3g} % of the configurations of {links} are discarded: {searched.words}"
     if searched.stuck:
-        return f"{done}; no reason discards one of them"
+        return f"{done}; no reason discards one of those that are left"
     if searched.open is None:
         return done
     where = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in searched.open.items())
