@@ -18,9 +18,9 @@ BLOCK = Body.of([Shape("box", (0.02, 0.05, 0.02))], mass=1.0, friction=0.5)
 HALF, TURN = 1e-3, 1e-3  # [m] half the side of the regions; by how much the components of the block's axes may differ
 LEVER = """<mujoco><compiler angle="radian"/><worldbody>
 <body name="palm"><geom type="box" size="0.02 0.04 0.005" pos="0 0 -0.01"/>
-<body name="left" pos="0 0.04 0"><joint name="left" axis="1 0 0" range="-0.0005 0.0005"/>
+<body name="left" pos="0 0.04 0"><joint name="left" axis="1 0 0" range="-0.000349 0.000349"/>
 <geom type="box" size="0.005 0.005 0.03" pos="0 0 0.03"/></body>
-<body name="right" pos="0 -0.04 0"><joint name="right" axis="-1 0 0" range="-0.0005 0.0005"/>
+<body name="right" pos="0 -0.04 0"><joint name="right" axis="-1 0 0" range="-0.000349 0.000349"/>
 <geom type="box" size="0.005 0.005 0.03" pos="0 0 0.03"/></body></body></worldbody>
 <actuator><motor name="left" joint="left"/><motor name="right" joint="right"/></actuator></mujoco>"""
 LONG = 0.06  # [m] from the axes of these fingers to the middle of their pads
