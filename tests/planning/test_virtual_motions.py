@@ -248,7 +248,6 @@ CHANGES = [
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_forged_proof_is_refused(none: Any, change: str) -> None:
-
     data = json.loads(json.dumps(grasps_file.to_dict(none.saved)))
     before = copy.deepcopy(data)
     forged(change, data)

@@ -400,6 +400,7 @@ def test_a_state_of_a_search_with_trials_that_the_judge_refuses_is_sought_withou
     assert tried[0] is True
     assert len(tried) > 1
     assert not any(tried[1:])
+    assert answer.verdict is not Verdict.SLIPS
     assert answer.lower <= 0.0018495
     assert answer.upper is None or answer.upper >= 0.0018487 * (1 - 2e-3)
 

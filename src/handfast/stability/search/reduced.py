@@ -312,11 +312,11 @@ def reduce(
     M = _motions(p)
     E, h, of_torques = _balances(p, load, at, M)
     about = _about_middle(p, E.shape[-2])
-    U, sv, Vt = np.linalg.svd(about @ E)
+    U, sv, Vt = np.linalg.svd(E if about is None else about @ E)
     rank = rank_of(sv)
     inverse = (transposed(Vt[..., :rank, :]) / sv[..., None, :rank]) @ transposed(U[..., :rank])
-    y0 = times(inverse, times(about, h))
-    inverse = inverse @ about
+    y0 = times(inverse, h if about is None else times(about, h))
+    inverse = inverse if about is None else inverse @ about
     Y = transposed(Vt[..., rank:, :])
     of_forces = _force_bounds(p, goal, at, endless, within)
     of_motions = _motion_bounds(p, goal, endless, cap)
@@ -453,14 +453,16 @@ def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tupl
     return E, h, of_torques
 
 
-def _about_middle(p: ScaledProblem, height: int) -> Array:
+def _about_middle(p: ScaledProblem, height: int) -> Array | None:
     """(height, height) what turns torques on the object, rows 3 to 6 of (1), into those about the contacts' middle.
 
-    Far from the origin the rounding of forces would be multiplied by the way there. Up to `FAR` nothing is turned.
+    Far from the origin the rounding of forces would be multiplied by the way there. None where none is beyond `FAR`.
     """
+    far = np.linalg.norm(p.middle, axis=-1, keepdims=True) > FAR
+    if not far.any():
+        return None
     out = np.zeros((*p.G.shape[:-2], height, height))
     out[..., range(height), range(height)] = 1.0
-    far = np.linalg.norm(p.middle, axis=-1, keepdims=True) > FAR
     x, y, z = np.moveaxis(np.where(far, p.middle, 0.0), -1, 0)
     out[..., 3, 1], out[..., 3, 2] = z, -y
     out[..., 4, 2], out[..., 4, 0] = x, -z
