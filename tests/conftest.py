@@ -18,12 +18,17 @@ sys.dont_write_bytecode = False
 
 # compiled in processes of their own, once, not once by each worker; what is there already is found at once
 COMPILE = "from {} import LIBRARY; LIBRARY.machine_code()"
-ENGINES = ("handfast.stability.search.machine", "handfast.synthesis.search.library")
+LIBRARIES = (
+    "handfast.stability.search.machine",
+    "handfast.synthesis.search.library",
+    "tests.support.stability_pieces",
+    "tests.support.synthesis_pieces",
+)
 
 
 def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what runs in the background
     if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or hasattr(config, "workerinput"):
         return
-    for process in [subprocess.Popen([sys.executable, "-c", COMPILE.format(name)]) for name in ENGINES]:
+    for process in [subprocess.Popen([sys.executable, "-c", COMPILE.format(name)]) for name in LIBRARIES]:
         process.wait()

@@ -52,6 +52,7 @@ def hard(eta: float = 0.1):
 
 
 OPEN = [(6, 0.05, True, 12)]  # still after 8,000 nodes
+PROVED_TOO = 4  # seeds whose state is proved to exist as well, which takes longer than to find it
 
 
 @pytest.mark.parametrize("stick", [False, True])
@@ -60,21 +61,23 @@ OPEN = [(6, 0.05, True, 12)]  # still after 8,000 nodes
 def test_a_constructed_solution_is_resisted(m: int, eta: float, stick: bool) -> None:
     for seed in range(20):
         if (m, eta, stick, seed) not in OPEN:
-            resists(m, eta, stick, seed, nodes=8000)
+            resists(m, eta, stick, seed, Settings(nodes=8000, verify=seed < PROVED_TOO))
 
 
 @pytest.mark.xfail(reason="with uncertain normals some energy is missed until contacts are split finely", strict=True)
 @pytest.mark.parametrize("case", OPEN)
 def test_a_constructed_solution_that_is_not_found(case: tuple[int, float, bool, int]) -> None:
-    resists(*case, nodes=1500)
+    resists(*case, Settings(nodes=1500))
 
 
-def resists(m: int, eta: float, stick: bool, seed: int, *, nodes: float) -> None:
+def resists(m: int, eta: float, stick: bool, seed: int, settings: Settings) -> None:
     s = solved(seed, m, eta, stick)
-    answer = check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=Settings(nodes=nodes))
+    answer = check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=settings)
     assert answer.verdict is Verdict.HOLDS
-    assert answer.witness.residuals.worst <= 1e-9
-    np.testing.assert_allclose(answer.witness.wrench, s.wrench, rtol=1e-12, atol=1e-12)
+    for witness in (answer.found, answer.witness) if settings.verify else (answer.found,):
+        assert witness is not None
+        assert witness.residuals.worst <= 1e-9
+        np.testing.assert_allclose(witness.wrench, s.wrench, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import highspy
 import numpy as np
 import pytest
-from numba import njit
 
 from handfast.core.groups import Block
 from handfast.proofs.cases import HALF
@@ -32,12 +31,12 @@ from handfast.stability.problem.objective import (
     Objective,
 )
 from handfast.stability.problem.scaled_problem import ScaledProblem
-from handfast.stability.search import arrays, rows
-from handfast.stability.search.kernel import simplex, tree
-from handfast.stability.search.kernel.values import row
+from handfast.stability.search import arrays
+from handfast.stability.search.kernel import simplex
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import Search, new_pool
 from tests.support.problems import Solved, solved
+from tests.support.stability_pieces import Balance, Counted, ask
 
 FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = ActuatorState
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
@@ -52,18 +51,6 @@ CONE = 1e-8  # the search itself allows more
 # --- the engine's verdict ---------------------------------------------------------------------------------
 
 
-@njit
-def _solve(question, hi, node, work, counts, points):
-    result = simplex.FAILED
-    for attempt in range(simplex.ATTEMPTS):
-        work.age[0] = 0
-        tree.rebuild(question, hi, points, work, 0, True)
-        result = simplex.solve(question, hi, node, work, counts, CONE, CONE, attempt, points.data, -1)
-        if result != simplex.FAILED:
-            break
-    return result
-
-
 def node_program(search: Search, node: Node, cost: np.ndarray) -> tuple[int, float, bool]:
     """The engine's verdict on a node, the least cost . z, and whether it left out rows."""
     r = search.reduced
@@ -73,15 +60,8 @@ def node_program(search: Search, node: Node, cost: np.ndarray) -> tuple[int, flo
     at_hand.state[:] = np.concatenate([parts[:m, 0], parts[:m, 1], parts[:m, 2], parts[m:, 0]])
     counts = np.zeros(len(arrays.COUNTS), np.int64)
     none, _ = new_pool(1, 3 * m + r.sizes[1], n)  # other nodes: there is no balance of energy
-    found = _solve(r.question._replace(cost=cost), search.hi, at_hand, work, counts, none)
+    found = ask("solved", r.question._replace(cost=cost), Counted(search.hi, counts), at_hand, work, none, CONE)
     return found, float(cost @ work.z), bool(counts[arrays.DROPS])
-
-
-@njit
-def _balance(question, hi, data):
-    out = np.empty(question.box.shape[0])
-    rhs = row(rows.ENERGY << rows.KIND, question, hi, data, out, np.empty(6))
-    return out, rhs
 
 
 @pytest.mark.parametrize("goal", [ANY_STATE, SMALLEST_PRELOAD])
@@ -102,7 +82,9 @@ def test_the_balance_of_energy_holds_for_exact_solutions(goal: Objective) -> Non
         put_in = r.load.w_a @ x.r + (r.load.f_a + x.scalar * r.load.f_b) @ (r.p.R @ x.q)
         for noise in (0.0, 0.1, 10.0):
             data = np.append(z + noise * rng.normal(size=len(z)), x.scalar * (1 + noise))[None]
-            out, rhs = _balance(r.question, r.hi, data)
+            balance = Balance(r.hi, data, np.empty(len(z)), np.empty(8), np.empty(1))
+            ask("balanced", r.question, balance)
+            out, rhs = balance.row, float(balance.rhs[0])
             assert out @ z - rhs >= -1e-9 * (1 + abs(put_in)), (seed, noise)
             if noise == 0.0:
                 assert out @ z - rhs == pytest.approx(put_in - (x.c[0::3] ** 2).sum(), abs=1e-9 * (1 + abs(put_in)))

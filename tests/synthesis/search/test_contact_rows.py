@@ -10,32 +10,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 
 from handfast.core.arrays import Array
 from handfast.core.groups import Block
 from handfast.synthesis.search.boxes import PoseSpace
-from handfast.synthesis.search.kernel import contact_rows
-from handfast.synthesis.search.kernel.narrowing import RADIAN, narrow
+from handfast.synthesis.search.kernel.narrowing import RADIAN
 from handfast.synthesis.search.kernel.taylor import HAND_DIRECTION, HAND_POINT
 from handfast.synthesis.search.workspace import PoseWork, pose_work
 from handfast.synthesis.task_groups import POSE
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import pinch
+from tests.support.synthesis_pieces import Row, Together, ask
 
 CONE = 0.5  # [rad] of a cap
 Z = np.array([0.0, 0.0, 1.0])
 NO_BOUNDS = np.zeros((2, 2, 1, 1, 10))
-
-
-@njit
-def _not_apart(use, position, errors, task, work):
-    return contact_rows.not_apart(0, use, position, errors, task, work)
-
-
-@njit
-def _narrow(value, gradient, least, most, box, use):
-    return narrow(value, gradient, least, most, box, use)
 
 
 @cache
@@ -94,8 +83,8 @@ class Rows:
         return out
 
     def keeps(self, points: float, directions: float, others: float | None = None) -> bool:
-        errors = points, points if others is None else others, directions
-        return bool(_not_apart(self.use, self.position, errors, task().flat, self.work))
+        rows = Together(self.use, np.array([points, points if others is None else others, directions]))
+        return bool(ask("together", self.position, rows, *task().flat, *self.work))
 
 
 @settings(max_examples=300, derandomize=True, deadline=None)
@@ -162,7 +151,7 @@ def test_what_is_discarded_is_excluded_by_exact_arithmetic():
         box.low[:], box.high[:] = low, high
         ends = [(-points, points)] * 3 + [(-directions, directions) if rows.patch else (-np.inf, directions)] * 3
         each = zip(values, g, ends, strict=False)
-        only_together += all(_narrow(v, row, *end, box, rows.use) for v, row, end in each)
+        only_together += all(ask("narrowed", v, *end, Row(row, rows.use), box) for v, row, end in each)
     assert discarded > 60
     assert only_together > 3
 

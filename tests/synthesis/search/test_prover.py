@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from handfast.core.branch import BranchAndPrune, Discarded
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.search.boxes import Boxes, PoseSpace, SearchPart
-from handfast.synthesis.search.kernel.object_pose import turning
 from handfast.synthesis.search.prover import CELLS, LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.search.workspace import CenteredBox
@@ -27,6 +25,7 @@ from handfast.synthesis.task_file import load_task
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip, pinch
 from tests.support.planted import bump
+from tests.support.synthesis_pieces import Turned, ask
 from tests.synthesis.search.test_synthesis_kernel import coordinates, everything
 
 TASKS = ("scalpel-handling", "teapot-service", "guitar-holding")
@@ -332,11 +331,6 @@ def test_charts_hold_every_pose(q: list[float]):
     np.testing.assert_allclose(origin, x[domain.at : domain.at + 3], atol=1e-12)
 
 
-@njit
-def _turning(box, R, turn):
-    return turning(box, 0, R, turn)
-
-
 @settings(max_examples=100, derandomize=True, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([1.0, 0.3, 0.03, 1e-3]), st.integers(0, 3))
 def test_the_polynomial_of_a_rotation_holds_its_points(seed: int, size: float, chart: int):
@@ -344,7 +338,8 @@ def test_the_polynomial_of_a_rotation_holds_its_points(seed: int, size: float, c
     ends = np.sort(np.clip(rng.uniform(-1, 1, (4, 1)) + size * rng.uniform(-1, 1, (4, 2)), -1, 1), axis=1)
     ends[chart] = 1.0
     x, h, R, w = ends.mean(axis=1), np.ptp(ends, axis=1) / 2, np.zeros((3, 3)), np.zeros((4, 3))
-    theta, curve = _turning(CenteredBox(x, h, -h, h), R, w)
+    ask("turned", CenteredBox(x, h, -h, h), found := Turned(R, w, np.zeros(2)))
+    theta, curve = found.bounds
     np.testing.assert_allclose(R, Rotation.from_quat(x, scalar_first=True).as_matrix(), atol=1e-14)
     point = rng.normal(size=3)
     d = h * rng.choice([-1.0, 1.0, *rng.uniform(-1, 1, 3)], (50, 4))

@@ -10,45 +10,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 
 from handfast.core.groups import Block
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
-from handfast.synthesis.search.kernel import balls
-from handfast.synthesis.search.kernel.contact_equations import evaluate
-from handfast.synthesis.search.kernel.krawczyk import certify
-from handfast.synthesis.search.kernel.taylor import element
 from handfast.synthesis.search.prover import Prover
 from handfast.synthesis.search.workspace import Interior, LocalWork, SetQuestion, SetWork, local_work, set_work
 from handfast.synthesis.task import PoseBounds
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.planted import Planted, bump, chain, joint, plant, pose, turn
+from tests.support.synthesis_pieces import Balls, Dependents, Operations, ask
 
 X, Y, Z = np.eye(3)
-
-
-@njit
-def _evaluate(x, task, values, contact):
-    evaluate(x, task, values, contact)
-
-
-@njit
-def _element(k, task, derivative_bounds, work):
-    element(k, 0, task, derivative_bounds, work)
-
-
-@njit
-def _certify(x, task, bounds, work, chosen, radii):
-    return certify(x, task, bounds, work, chosen, radii)
-
-
-@njit
-def _operations(a, b):
-    return (
-        balls.add(a, b), balls.sub(a, b), balls.mul(a, b), balls.div(a, b), balls.root(a), balls.sine(a),
-        balls.cosine(a), balls.scale(3.7, a),
-    )  # fmt: skip
 
 
 def everything(seed: int) -> Planted:
@@ -95,7 +68,8 @@ def coordinates(p: Planted, problem: TaskProblem) -> np.ndarray:
 
 def at(problem: TaskProblem, x: np.ndarray, radius: np.ndarray | float = 0.0) -> tuple[np.ndarray, ...]:
     work = LocalWork(*(Block(x).arrays() for x in local_work(problem.flat, problem.equations)))
-    _evaluate(np.column_stack([x, np.zeros(problem.n) + radius]), problem.flat, work.here, work.contact)
+    point = Balls(np.column_stack([x, np.zeros(problem.n) + radius]))
+    ask("evaluated", point, *problem.flat, work.here, work.contact)
     return tuple(array.copy() for array in work.here)
 
 
@@ -152,7 +126,9 @@ radii = st.floats(0, 1e-3)
 @settings(max_examples=200, derandomize=True, deadline=None)
 @given(numbers, radii, numbers, radii, st.floats(-1, 1), st.floats(-1, 1))
 def test_operations_on_balls_are_rigorous(a: float, ra: float, b: float, rb: float, s: float, t: float):
-    add, sub, mul, div, root, sine, cosine, scale = _operations((a, ra), (b, rb))
+    operations = Operations(np.array([[a, ra], [b, rb]]), np.empty((8, 2)))
+    ask("operated", operations)
+    add, sub, mul, div, root, sine, cosine, scale = operations.result.tolist()
     x, y = Fraction(a) + Fraction(s) * Fraction(ra), Fraction(b) + Fraction(t) * Fraction(rb)
     for (m, r), true in ((add, x + y), (sub, x - y), (mul, x * y), (scale, Fraction(3.7) * x)):
         assert abs(true - Fraction(m)) <= Fraction(r)
@@ -177,7 +153,7 @@ def polynomials(k: int, x: np.ndarray, half: np.ndarray, problem: TaskProblem, b
     question = SetQuestion(np.array([k]), np.arange(problem.n), bounds, np.zeros((0, 5)))
     work = SetWork(*(Block(x).arrays() for x in set_work(problem.flat, question)))
     work.box.middle[:], work.box.half[:] = x, half
-    _element(k, problem.flat, bounds, work)
+    ask("taken", k, *problem.flat, question, *work)
     out = work.polynomials
     return out.value[0].copy(), out.slope[0].copy(), out.remainder[0].copy(), out.bend[0].copy(), float(out.rest[0])
 
@@ -221,13 +197,12 @@ def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
 def certified(problem: TaskProblem, x: np.ndarray, lower: np.ndarray | None = None, upper: np.ndarray | None = None):
     """Dependent coordinates and the radii of their box if a solution is proved at x between these bounds, else None."""
     flat, e = problem.flat, problem.equations
-    chosen, radii = np.zeros(e, dtype=np.intp), np.zeros(e)
+    out = Dependents(np.zeros(e, dtype=np.int64), np.zeros(e))
     limits = flat.coordinates
     bounds = Interior(limits.lower if lower is None else lower, limits.upper if upper is None else upper)
     work = LocalWork(*(Block(x).arrays() for x in local_work(flat, e)))
-    balls = np.column_stack([x, 0 * x])
-    proved = _certify(balls, flat, bounds, work, chosen, radii)
-    return (chosen, radii) if proved else None
+    proved = ask("certified", Balls(np.column_stack([x, 0 * x])), *flat, bounds, *work, out)
+    return tuple(out) if proved else None
 
 
 @pytest.mark.parametrize("seed", range(20))
