@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from handfast.planning.question import Requirements
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify import difference, question_of
+from handfast.proofs import grasps
+from handfast.proofs.existence import prove
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.solution import Solution
@@ -46,8 +49,10 @@ def saved() -> Data:
 
 
 @pytest.mark.parametrize("name", slow_after(24, FORGED))
-def test_a_forged_file_is_refused(saved: Data, name: str) -> None:
+def test_a_forged_file_is_refused(saved: Data, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     change, match = FORGED[name]
+    if NO_STATE not in match:  # what is wrong is found without a proof: most modes that a state may have are left out
+        monkeypatch.setattr(grasps, "prove", partial(prove, tries=1))
     data = copy.deepcopy(saved)
     change(data)
     assert data != saved
@@ -91,7 +96,7 @@ def test_differences_are_told_one_by_one() -> None:
 
 def rebuilt(found: Grasps, task: Task, loads: Loads, asked: Requirements, preload: Callable[[float], float]) -> Data:
     """The file of a forger who computes again all that is computed, and keeps the witnesses."""
-    grasps = []
+    every = []
     for g in found.grasps:
         solution = Solution.of(task, g.solution.existence)
         bare = grasp_at(solution, g.q, contacts_at(solution, asked.friction))
@@ -100,8 +105,8 @@ def rebuilt(found: Grasps, task: Task, loads: Loads, asked: Requirements, preloa
         f = Derived.of(solution, g.q, grasp, commands, loads)
         answer = replace(g.answer, preload=commands, loads=loads, upper=f.command)
         parts = {"friction_margin": f.friction_margin, "curvatures": f.curvatures, "dexterity": f.dexterity}
-        grasps.append(replace(g, solution=solution, grasp=grasp, answer=answer, **parts))
-    forged = replace(found, task=task, loads=loads, requirements=asked, grasps=tuple(grasps))
+        every.append(replace(g, solution=solution, grasp=grasp, answer=answer, **parts))
+    forged = replace(found, task=task, loads=loads, requirements=asked, grasps=tuple(every))
     return json.loads(json.dumps(grasps_file.to_dict(forged.saved)))
 
 
@@ -139,7 +144,7 @@ def test_what_is_changed_everywhere_does_not_balance(found: Grasps, change: dict
 DESCRIPTIVE = ("record",)
 # What is no claim but proof: another one will do as well.
 PROOFS = ("existence", "witnesses")
-MUTANTS = 250
+MUTANTS = 125
 
 
 def places(x: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -172,8 +177,8 @@ def mutated(x: Any, rng: np.random.Generator) -> Any:
 def claims(data: Data) -> dict[str, Any]:
     """All that a file says and `verify` prints as proved."""
     stated = {k: v for k, v in question_of(grasps_file.from_dict(data)).items() if k != "sha256"}
-    grasps = [g["grasp"] for g in data["grasps"]]
-    return {"question": stated, "answer": data["answer"] | {"question": ""}, "grasps": grasps}
+    answer = data["answer"] | {"question": ""}
+    return {"question": stated, "answer": answer, "grasps": [g["grasp"] for g in data["grasps"]]}
 
 
 def meaning(data: Data) -> Any:
@@ -182,9 +187,17 @@ def meaning(data: Data) -> Any:
     return task_to_dict(what.task), grasps_file.motors_to_dict(what.task.hand), data["question"]
 
 
+def first_alone(saved: Data) -> Data:
+    """A file without the grasps behind the first one, of which all is said in the same way."""
+    data = copy.deepcopy(saved)
+    del data["grasps"][1:], data["answer"]["grasps"][1:]
+    return renew(data)
+
+
 @pytest.mark.slow
 def test_accepted_mutants_claim_the_same(saved: Data) -> None:
-    rng = np.random.default_rng(14)
+    rng, saved = np.random.default_rng(14), first_alone(saved)
+    assert not refusals(saved)
     all_places = [p for p in places(saved) if p[0] != "checksum"]
     own, accepted, refused = claims(saved), 0, 0
     for place in (all_places[int(k)] for k in rng.choice(len(all_places), MUTANTS, replace=False)):
@@ -206,7 +219,7 @@ def test_accepted_mutants_claim_the_same(saved: Data) -> None:
             assert other or meaning(data) == meaning(saved), place
         else:
             assert not other, (place, other)
-    assert accepted >= 15
+    assert accepted >= 8
     assert refused >= MUTANTS // 2
 
 

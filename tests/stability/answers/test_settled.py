@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,22 +26,28 @@ def spoilt(answer: Answer) -> Answer:
     return replace(answer, found=replace(answer.found, state=state))
 
 
+@cache
+def refused(ask: Callable[..., Answer]) -> Answer:
+    """A spoilt answer, after everything was tried to prove it: which takes seconds."""
+    return spoilt(ask(load_grasp("fig1"), UP, settings=ONE)).settled()
+
+
 @pytest.mark.parametrize("ask", [check, maximum, torques])
 def test_undecided_without_a_witness_that_is_proved(ask) -> None:
     answer = ask(load_grasp("fig1"), UP, settings=ONE)
     assert answer.verdict is Verdict.HOLDS
     assert answer.settled().verdict is Verdict.HOLDS
-    bad = spoilt(answer).settled()
+    bad = refused(ask)
     assert (bad.verdict, bad.stop, bad.witness, bad.exact) == (Verdict.UNDECIDED, Stop.NUMERICAL, None, None)
     done = bad.verify()
     assert done.ok, done.reason
 
 
 def test_bounds_of_what_is_not_proved() -> None:
-    best = spoilt(maximum(load_grasp("fig1"), UP, settings=ONE)).settled()
+    best = refused(maximum)
     assert (best.lower, best.unbounded) == (0.0, False)
     assert best.upper == pytest.approx(2.2268, abs=1e-3)
-    least = spoilt(torques(load_grasp("fig1"), UP, settings=ONE)).settled()
+    least = refused(torques)
     assert (least.preload, least.upper) == (None, np.inf)
 
 

@@ -81,7 +81,7 @@ def resists(m: int, eta: float, stick: bool, seed: int, settings: Settings) -> N
 
 
 @pytest.mark.slow
-@hypothesis_settings(max_examples=60, deadline=None, derandomize=True)
+@hypothesis_settings(max_examples=20, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.integers(2, 4), st.sampled_from([0.0, 0.05]))
 def test_bounds_of_random_grasps_are_proved(seed: int, m: int, eta: float) -> None:
     """The disturbance is resisted, so the maximum along it is at least 1, and commands exist; bounds are proved."""
