@@ -8,7 +8,7 @@ shuffled order, so that what is asked is a fair sample wherever it ends. Questio
 repository are left out unless the folders have them. Also the processor time of each path beside that of a check.
 With `--simulate` those that were asked are simulated again, with commands that grow slowly: the stored ones act at once
 and squeeze with a jolt; those that are not fragile first. With `--again` those that were asked by an older rule of
-`check` are asked again, first those whose answers today's rule can change; their simulations stay. Writes results/load_path.json as it goes on, and goes on
+`check` are asked again, those that are not fragile first, at the loads where today's rule can change the answer. Writes results/load_path.json as it goes on, and goes on
 where it was stopped. `--tables` prints those of docs/load-path.md. Shadow and Adroit hands are counted apart.
 """
 
@@ -56,17 +56,23 @@ def timed(grasp: Grasp, wrench: Array, loading: Loading) -> tuple[CheckAnswer, f
     return answer, round(time.process_time() - begun, 4)
 
 
+def on_path(grasp: Grasp, wrench: Array) -> dict[str, Any]:
+    """What the path to a load (6,) says."""
+    answer, seconds = timed(grasp, wrench, FIRST)
+    path = answer.path
+    assert isinstance(path, LoadPath)
+    own = {"said": str(answer.verdict), "by_steps": path.by_steps, "other_choice": path.other_choice}
+    own |= {"reached": path.reached, "straight": path.resolution == 0, "proved": answer.verify().ok}
+    return own | {"seconds": seconds}
+
+
 def answered(grasp: Grasp, most: Array, question: dict[str, Any]) -> list[dict[str, Any]]:
-    """What the path says at each load that was simulated; most: (6,) the paper's maximum."""
+    """What the path says at each load that was simulated, and `together` now; most: (6,) the paper's maximum."""
     out = []
     for row in rows_of(question):
-        answer, seconds = timed(grasp, row["share"] * most, FIRST)
+        own = on_path(grasp, row["share"] * most)
         again, together = timed(grasp, row["share"] * most, "together")
-        path = answer.path
-        assert isinstance(path, LoadPath)
-        own = {"said": str(answer.verdict), "by_steps": path.by_steps, "other_choice": path.other_choice}
-        own |= {"reached": path.reached, "straight": path.resolution == 0, "proved": answer.verify().ok}
-        own |= {"seconds": seconds, "seconds together": together, "paper again": str(again.verdict)}
+        own |= {"seconds together": together, "paper again": str(again.verdict)}
         out.append({"share": row["share"], "ending": row["ending"], "paper": row["said"]} | own)
     return out
 
@@ -84,13 +90,11 @@ def may_change(row: dict[str, Any]) -> bool:
     return row["said"] == "undecided" or (row["said"] == "slips" and steps > 1 and last)
 
 
-def kept(rows: list[dict[str, Any]], before: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows that were asked again, with the simulations of those before; rule 1 said what `rule 1` says."""
+def asked_again(grasp: Grasp, most: Array, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of rule 1 with what rule 2 says on the path; those that it cannot change stay. `rule 1` says what that said."""
     out = []
-    for row, old in zip(rows, before, strict=True):
-        assert row["share"] == old["share"]
-        was = {"rule 1": old.get("rule 1", old["said"])}
-        out.append(row | ({"slowly": old["slowly"]} if "slowly" in old else {}) | was)
+    for row in rows:
+        out.append(row | {"rule 1": row["said"]} | (on_path(grasp, row["share"] * most) if may_change(row) else {}))
     return out
 
 
@@ -187,7 +191,7 @@ def main() -> None:
         names = sorted((n for n in names if n in asked), key=lambda n: asked[n]["fragile"])
     if args.again:
         names = [n for n in names if n in asked and asked[n].get("rule", 1) != RULE]
-        names.sort(key=lambda n: not any(map(may_change, asked[n]["rows"])))
+        names.sort(key=lambda n: asked[n]["fragile"])
     for name in names:
         done = ("slowly" in asked[name]["rows"][0]) if args.simulate else (name in asked and not args.again)
         if name not in known or done:
@@ -203,8 +207,8 @@ def main() -> None:
             asked[name]["rows"] = simulated(grasp, most, asked[name]["rows"])
         else:
             about = {"family": stored[name]["family"], "fragile": bool(stored[name]["fragile"]), "rule": RULE}
-            rows = answered(grasp, most, stored[name])
-            asked[name] = about | {"rows": kept(rows, asked[name]["rows"]) if args.again else rows}
+            again = asked_again(grasp, most, asked[name]["rows"]) if args.again else None
+            asked[name] = about | {"rows": again or answered(grasp, most, stored[name])}
         data |= {"machine": describe(), "summary": summary(asked)}
         study.save(data, args.results)
     print(json.dumps(summary(asked), indent=1), flush=True)
