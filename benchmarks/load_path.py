@@ -1,6 +1,7 @@
 """First the squeeze, then the load: do answers along a path agree with a dynamics engine better than the paper's?
 
-    python -m benchmarks.load_path [--hands FOLDER] [--shared ../shared] [--seconds 3600] [--again | --simulate | --tables]
+    python -m benchmarks.load_path [--hands FOLDER] [--shared ../shared] [--seconds 3600]
+                                   [--again | --simulate | --tables]
 
 Asks the questions of `benchmarks.simulation_agreement` again, at the same loads, with `loading="preload-first"`, and
 holds the answers against the engine's stored outcomes with the commands first: all that have a bounded maximum, in one
@@ -8,8 +9,9 @@ shuffled order, so that what is asked is a fair sample wherever it ends. Questio
 repository are left out unless the folders have them. Also the processor time of each path beside that of a check.
 With `--simulate` those that were asked are simulated again, with commands that grow slowly: the stored ones act at once
 and squeeze with a jolt; those that are not fragile first. With `--again` those that were asked by an older rule of
-`check` are asked again, those that are not fragile first, at the loads where today's rule can change the answer. Writes results/load_path.json as it goes on, and goes on
-where it was stopped. `--tables` prints those of docs/load-path.md. Shadow and Adroit hands are counted apart.
+`check` are asked again, those that are not fragile first, at the loads where today's rule can change the answer.
+Writes results/load_path.json as it goes on, and goes on where it was stopped. `--tables` prints those of
+docs/load-path.md. Shadow and Adroit hands are counted apart.
 """
 
 from __future__ import annotations
@@ -91,11 +93,12 @@ def may_change(row: dict[str, Any]) -> bool:
 
 
 def asked_again(grasp: Grasp, most: Array, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of rule 1 with what rule 2 says on the path; those that it cannot change stay. `rule 1` says what that said."""
-    out = []
-    for row in rows:
-        out.append(row | {"rule 1": row["said"]} | (on_path(grasp, row["share"] * most) if may_change(row) else {}))
-    return out
+    """Rows of rule 1 with what rule 2 says on the path; those that it cannot change stay. `rule 1`: what that said."""
+
+    def again(row: dict[str, Any]) -> dict[str, Any]:
+        return on_path(grasp, row["share"] * most) if may_change(row) else {}
+
+    return [row | {"rule 1": row["said"]} | again(row) for row in rows]
 
 
 def simulated(grasp: Grasp, most: Array, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -184,6 +184,8 @@ def interval_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> 
 
 def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -> str:
     goal = "largest command" if objective == "max" else "sum of commands"
+    if answer.sought is not None:
+        return _found_sentence(answer, load, goal)
     if answer.verdict is Verdict.SLIPS:
         return f"No commands of these actuators resist {load}{up_to(answer)}."
     if answer.preload is None:
@@ -195,6 +197,23 @@ def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -
     grasp = answer.witness.grasp if answer.witness else None
     units = {words.actuator_unit(grasp, name) for name, f in answer.preload.items() if f} if grasp else {"N·m"}
     return f"The {goal} that {load} needs is {upper} {' or '.join(sorted(units))}{limit}."
+
+
+def _found_sentence(answer: TorquesAnswer, load: str, goal: str) -> str:
+    """Of commands before the load: they were found, and nobody says that they are the least."""
+    if answer.verdict is Verdict.SLIPS:
+        return f"No commands of these actuators hold {load} on any path after the squeeze."
+    lower = num(answer.lower)
+    if answer.preload is None:
+        known = f"; it is at least {lower}" if answer.lower > 0 else ""
+        return f"No commands were found that hold {load} after the squeeze{known}."
+    if answer.upper == 0:
+        return f"{load} is held with every actuator locked: no command is needed."
+    known = f"none below {lower} holds it on any path" if answer.lower > 0 else "no lower bound above 0 is known"
+    grasp = answer.witness.grasp if answer.witness else None
+    units = {words.actuator_unit(grasp, name) for name, f in answer.preload.items() if f} if grasp else {"N·m"}
+    at_most = f"{num(answer.upper)} {' or '.join(sorted(units))}"
+    return f"Commands were found that hold {load} after the squeeze, their {goal} {at_most}; {known}."
 
 
 def reason(answer: Answer, settings: Settings) -> str:
@@ -287,8 +306,7 @@ def answer_sentence(answer: Answer, direction: Sequence[float] | Array | None = 
     wrench = state_of(answer)[0]
     load = "this load" if wrench is None else words.load_text(wrench)
     if isinstance(answer, TorquesAnswer):
-        sums = bool(posed and posed.goal.sums_commands)
-        return torques_sentence(answer, load, objective or ("sum" if sums else "max"))
+        return torques_sentence(answer, load, objective or ("sum" if answer.sums_commands else "max"))
     assert isinstance(answer, CheckAnswer)
     return check_sentence(answer, load)
 

@@ -34,16 +34,17 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.existence import NEAR, Proved, prove
 from handfast.proofs.fields import SAME, BadFile, Fields
 from handfast.proofs.grasp import StartData, read_start
+from handfast.proofs.path_commands import REACH, PathBound, PathCommands, read_bound, read_sought
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.tolerance import drives, farthest
+from handfast.proofs.tolerance import drives, farthest, motion_size
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
 OF_PATH = "by_steps", "other_choice", "resolution"  # keys that tell of other paths
 OTHER_PATHS = f"{', '.join(OF_PATH)}: paths of other steps, and of other states where a step has several"
-QUERIES = "check", "max"
+QUERIES = "check", "max", "torques"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +59,14 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class SavedPath(SavedAnswer):
-    """A path file, read: what was asked of the whole load, the answer as JSON, the steps in their order."""
+    """A path file, read: what was asked of the whole load, the answer as JSON, the steps in their order.
+
+    Where commands are sought also which, and what bounds them: the commands of the question are those that were found.
+    """
 
     steps: tuple[Step, ...] = ()
+    sought: PathCommands | None = None
+    bound: PathBound | None = None
 
     @property
     def reached(self) -> float:
@@ -78,8 +84,13 @@ def read_path(data: Any, place: str = "") -> SavedPath:
     said = read_said(f, QUERIES)
     Fields(said, f.at("answer")).text("loading", among=[LOADING])
     steps = tuple(_read_step(x, question) for x in f.objects("steps"))
+    sought, bound = None, None
+    if said["query"] == "torques":
+        sought = read_sought(f.object("sought"), question)
+        bound = read_bound(f.object("bound")) if f.has("bound") else None
+        f.take("bound", None)
     f.done()
-    return SavedPath(question, said, None, None, steps=steps)
+    return SavedPath(question, said, None, None, steps=steps, sought=sought, bound=bound)
 
 
 def _read_step(f: Fields, q: Question) -> Step:
@@ -108,9 +119,13 @@ def replay(saved: SavedPath) -> Replay:
             last, part = _state(k, step)
             parts.append(part)
             exact, before, motion = exact and last.exact, step, max(motion, last.motion)
+        lowest = 0.0
+        if saved.sought is not None:
+            lowest, more = _bounded(saved, saved.sought)
+            parts += more
         if not any(part.reason for part in parts):
             own = {"exact": None, "motion": None} if last is None else {"exact": exact, "motion": motion}
-            _compare(saved, before, last, own | {"motion_cap": cap})
+            _compare(saved, before, last, own | {"motion_cap": cap}, lowest)
     except Refused as fault:
         reason = f"answer: {fault}"
     return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(OTHER_PATHS, NOT_REPLAYED))
@@ -187,14 +202,36 @@ def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Re
     return part, motion_cap(part)
 
 
-def _compare(saved: SavedPath, last: Step | None, proved: Proved | None, of_steps: dict[str, Any]) -> None:
-    """`Refused` if the answer says else than its steps show."""
+def _bounded(saved: SavedPath, sought: PathCommands) -> tuple[float, list[Replay]]:
+    """The bound of the commands of all paths that is proved, and its part of the replay."""
+    if saved.bound is None:
+        return 0.0, []
+    try:
+        lowest, reason = saved.bound.lower(sought), ""
+    except BadFile as fault:
+        return 0.0, [Replay("bound", "no commands are enough", str(fault))]
+    lower = np.inf if saved.said["verdict"] == "slips" else saved.number("lower") or 0.0
+    claim = "no commands hold the load on a path"
+    claim += "" if lower == np.inf else f" below {lower:.6g}"
+    claim += f", with forces and motions up to {REACH * sought.scale:.6g} N"
+    if not lowest >= lower:
+        reason = f"its cases show {lowest:.9g}, the answer says {lower:.9g}"
+    return lowest, [Replay("bound", claim, reason, {"leaves": len(saved.bound.leaves), "lower": lowest})]
+
+
+def _compare(
+    saved: SavedPath, last: Step | None, proved: Proved | None, of_steps: dict[str, Any], lowest: float
+) -> None:
+    """`Refused` if the answer says else than its steps show; lowest: the bound of commands that is proved."""
     said = saved.said
     ended = bool(saved.steps) and saved.steps[-1].witness is None
     shown: dict[str, Any] = {key: said[key] for key in ("schema", "query", "verdict")}
     shown |= {"loading": LOADING, "steps": sum(s.magnitude > 0 for s in saved.steps)}
     shown |= {"certified": ended} | of_steps
-    shown |= (_check if said["query"] == "check" else _max)(saved, last, proved, ended)
+    if saved.sought is not None:
+        shown |= _torques(saved, saved.sought, last, ended, lowest)
+    else:
+        shown |= (_check if said["query"] == "check" else _max)(saved, last, proved, ended)
     compare(said, shown, (*COURSE, *OF_PATH))
 
 
@@ -226,6 +263,34 @@ def _max(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool
     gap = 0.0 if unbounded or upper == 0 else (upper - lower) / lower if upper is not None and lower > 0 else None
     bounds: dict[str, Any] = {"lower": lower, "upper": upper, "gap": gap, "unbounded": unbounded}
     return bounds | {"attained": True, "limit": None, "holds_from_zero_to": None}
+
+
+def _torques(saved: SavedPath, sought: PathCommands, last: Step | None, ended: bool, lowest: float) -> dict[str, Any]:
+    """What commands that hold on a path have to say besides."""
+    verdict, g, lower = saved.said["verdict"], saved.question.grasp, saved.number("lower")
+    none: dict[str, Any] = {"certified": saved.bound is not None, "preload": None, "upper": None}
+    if verdict != "holds":
+        if saved.steps or g.command[sought.sought].any():
+            raise Refused(f"{verdict.upper()} with commands, or with a path")
+        if verdict == "slips":
+            if lowest < np.inf:
+                raise Refused("SLIPS, but it is not shown that no commands hold the load")
+            return none | {"lower": None}
+        if lower is None or not 0 <= lower <= lowest:
+            raise Refused(f"a lower bound of {lower}; {lowest:.9g} is shown")
+        return none | {"lower": lower}
+    if last is None or ended or last.magnitude != 1.0:
+        raise Refused("HOLDS, but the whole load is not reached")
+    upper = sought.cost(g.command)
+    if (sought.senses * g.command < 0).any() or g.command[(sought.senses == 0) & ~g.backdrivable].any():
+        raise Refused("a command has the wrong sense, or an actuator is commanded that was to stay locked")
+    if lower is None or not 0 <= lower <= min(lowest, upper):
+        raise Refused(f"a lower bound of {lower}; {min(lowest, upper):.9g} is shown")
+    moved = max(motion_size(g, s.witness.state.motion) for s in saved.steps if s.witness is not None)
+    if lower > 0 and not moved <= REACH * sought.scale:
+        raise Refused(f"its path moves by {moved:.3g} N, of which its bound says nothing")
+    preload = {g.actuators[j]: float(g.command[j]) for j in sought.sought.tolist()}
+    return none | {"preload": preload, "lower": lower, "upper": upper}
 
 
 def is_scale_free(q: Question) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,8 +12,10 @@ from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked
 from handfast.model.grasp import Grasp
+from handfast.proofs.path_commands import PathBound, PathCommands
 from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.answers.load_path import comes_after
+from handfast.stability.answers.path_torques import found_on_path
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -35,7 +37,9 @@ class TorquesAnswer(Answer):
 
     Attributes:
         preload: actuator name -> command [N m or N]; None without a witness. 0 is a locked actuator.
-        lower, upper: certified and witnessed bound on the objective [N m or N].
+        lower, upper: certified and witnessed bound on the objective [N m or N]. Of a path the commands are some that
+            were found, and `lower` is 0 where nothing is known below.
+        sought, bound: of a path, what is behind `lower`; no bound where it is 0.
     """
 
     query = "torques"
@@ -43,6 +47,25 @@ class TorquesAnswer(Answer):
     preload: dict[str, float] | None
     lower: float
     upper: float
+    sought: PathCommands | None = field(default=None, kw_only=True, repr=False)
+    bound: PathBound | None = field(default=None, kw_only=True, repr=False)
+
+    @property
+    def sums_commands(self) -> bool:
+        """Is the sum of the commands made small, not the largest?"""
+        if self.sought is not None:
+            return self.sought.sums
+        return bool(self.posed and self.posed.goal.sums_commands)
+
+    def proof_json(self) -> dict[str, Any]:
+        return super().proof_json() | ({} if self.sought is None else {"certified": self.bound is not None})
+
+    def to_file(self) -> dict[str, Any]:
+        """Of a path with what its bound rests on."""
+        out = super().to_file()
+        if self.sought is None:
+            return out
+        return out | {"sought": self.sought.to_json(), "bound": None if self.bound is None else self.bound.to_json()}
 
     def settled(self, until: float = INF) -> TorquesAnswer:
         """UNDECIDED, without commands, if its witness or its bound cannot be proved; else as it is."""
@@ -78,27 +101,38 @@ def torques(
         actuators: whose commands are sought, each in the sense in which the grasp commands it, or else positive; by
             default those that the grasp commands now, or all.
             The others stay locked; backdrivable motors stay as the grasp commands them.
-        loading: "together" alone: nothing bounds the commands of a path from below. `hold` finds some that hold on it.
+        loading: "preload-first" asks for commands that hold on the load's path: some that were found, and a bound that
+            is true of all paths, see docs/load-path.md.
 
     The other arguments and errors are those of `check`.
 
     Raises:
         InputError: also for an unknown objective or actuator, and for a backdrivable one.
     """
-    refuse_path(loading)
     settings = settings or Settings()
     posed, names = posed_torques(grasp, wrench, objective, actuators, limits)
+    if comes_after(loading):
+        return _on_path(grasp, posed, names, settings, on_progress)
     clock = clock_of(settings)
     found = _search(grasp, posed.problem, posed.goal, settings, on_progress, clock)
     answer = shown_torques(posed, names, found)
     return answer.settled(clock.end) if settings.verify else answer
 
 
-def refuse_path(loading: str) -> None:
-    """`InputError` for loads that come after the commands."""
-    if comes_after(loading):
-        right = "hold finds a preload that holds on the path of each load"
-        raise InputError(f"nothing bounds the least commands of a path from below; {right}", field="loading")
+def _on_path(
+    grasp: Grasp, posed: BoundProblem, names: list[str], settings: Settings, on_progress: OnStep | None
+) -> TorquesAnswer:
+    """Commands that hold the load on its path."""
+
+    def together(within: Settings) -> tuple[dict[str, float] | None, int]:
+        found = solve(posed.problem, posed.goal, within, None)
+        if found.stop is Stop.INTERRUPTED:
+            raise KeyboardInterrupt
+        return shown_torques(posed, names, found).preload, found.nodes
+
+    found = found_on_path(grasp, posed, names, together, settings, on_progress)
+    bounds: dict[str, Any] = {"preload": found.commands, "lower": found.lower, "upper": found.upper}
+    return TorquesAnswer(**found.backing, **bounds, sought=found.sought, bound=found.bound)
 
 
 def posed_torques(

@@ -42,7 +42,6 @@ from handfast.stability.answers.batch_answer import INTERRUPTED, AnswerRows, Bat
 from handfast.stability.answers.check_query import check_along
 from handfast.stability.answers.load_path import PathsFromRest, comes_after
 from handfast.stability.answers.max_query import Near, largest, largest_along
-from handfast.stability.answers.torques_query import refuse_path
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -99,8 +98,9 @@ class RowQuestion(BatchOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         comes_after(self.loading, self.mdp, interval=self.interval)
-        if self.query == "torques":
-            refuse_path(self.loading)
+        if self.query == "torques" and self.along_paths:
+            right = "ask torques of one load after the other"
+            raise InputError(f"least commands of many loads cannot be asked with it; {right}", field="loading")
 
     @property
     def along_paths(self) -> bool:
