@@ -70,7 +70,6 @@ def test_a_path_that_does_not_begin(lone: str, capsys: pytest.CaptureFixture[str
         (("max", "fig9", "--direction", "0", "1", "0", "--interval"), "cannot be asked with interval"),
         (("max", "fig9", "--direction", "0", "1", "0", "--base", "0", "0", "1"), "cannot be asked with base"),
         (("map", "fig9", "--steps", "4", "--interval"), "cannot be asked with interval"),
-        (("torques", "fig9", "--wrench", "0", "1", "0"), "hold finds a preload that holds on the path"),
     ],
 )
 def test_what_is_refused(asked: tuple[str, ...], fault: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -534,3 +534,17 @@ def test_check_does_not_slip_below_what_max_reaches() -> None:
     )
     reached = maximum(grasp, load, loading=FIRST).lower
     assert check(grasp, 0.98 * reached * load, loading=FIRST).verdict is not Verdict.SLIPS
+
+
+@pytest.mark.parametrize("seed", [None, 1])
+def test_a_step_that_rounding_leaves_open_ends_no_path(seed: int | None) -> None:
+    """From 1.93 the step to 2.57 is left open; shorter ones lead on. The end was found in some frames alone."""
+    case = random_case(4, 70003)
+    grasp, load = case.grasp, case.direction
+    if seed is not None:
+        R = Rotation.random(random_state=seed).as_matrix()
+        grasp = moved(grasp, R, np.zeros(3), list(range(grasp.m)), 1.0, 1.0)
+        load = np.r_[R @ load[:3], R @ load[3:]]
+    end = maximum(grasp, load, loading=FIRST)
+    assert 2.56 < end.lower < end.upper < 2.6
+    assert end.verify().ok

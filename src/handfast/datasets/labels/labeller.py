@@ -40,7 +40,7 @@ class Labelling:
         replay: replay every proof with the independent checker. States are checked in any case; that a load slips, and
             upper bounds, then rest on the search's word. It takes more than ten times as long.
         loading: as of `check`. With "preload-first" maxima are where paths end, weights are held on their paths, and
-            nothing bounds commands from below.
+            no bound of commands is sought.
     """
 
     gravity: tuple[tuple[float, float, float], ...] = AXES

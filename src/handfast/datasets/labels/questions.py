@@ -125,7 +125,7 @@ class Questions:
     def commands(self, wrench: Array, motors: tuple[str, ...] | None = None) -> LeastCommands:
         """The smallest commands that resist a disturbance (6,), of the motors that the grasp commands, else of all.
 
-        None are sought on a path, where nothing bounds them from below.
+        On a path none are sought.
 
         Args:
             motors: others in place of these.

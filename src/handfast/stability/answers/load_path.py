@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from handfast.core.answer import SearchLimits, Verdict
+from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.schema import written
@@ -41,6 +41,7 @@ from handfast.stability.search.solve import clock_of, solve, time_left
 A = TypeVar("A", bound=Answer)
 COUNTS = 1, 4, 16, 64  # steps to the whole load, or to where one step leads, until two paths in turn say the same
 AGREE = 0.01  # relative: ends of two paths that differ by less are the same
+BEYOND = 2, 4, 8  # times the last step, where that is left open: farther on it may be shown to have no state
 ABOVE = 1 + 1e-9  # rounding
 MOST_NODES = 4000  # for where one step leads, by which steps are only sized
 OTHER = 1e-6  # relative to the forces that act: states whose motions differ by less are the same
@@ -342,7 +343,8 @@ class Follower:
             here = magnitudes[-1]
             target = min(here + step, last)
             found = self.step(grasp, target, prove=step <= gap * target * ABOVE)
-            if found.verdict is Verdict.SLIPS and step > gap * target * ABOVE and step > least:
+            ends = found.verdict is Verdict.SLIPS or _is_open(found)  # rounding that left a step open ends no path
+            if ends and step > gap * target * ABOVE and step > least:
                 if asked:
                     step /= 2
                 else:  # just below where one step leads, or as finely as can be
@@ -350,7 +352,12 @@ class Follower:
                     step = end * (1 - gap / 2) - here if end is not None else 0.0
                 step, asked = max(step, gap * here, least), True
                 continue
-            steps.append(found if found.verdict is not Verdict.SLIPS else self.step(grasp, target))
+            found = found if found.verdict is not Verdict.SLIPS else self.step(grasp, target)
+            for factor in BEYOND if _is_open(found) else ():
+                if _is_open(found):
+                    target = min(here + factor * step, last)
+                    found = self.step(grasp, target)
+            steps.append(found)
             magnitudes.append(target)
             grasp = self.after(found, target, pick) if found.verdict is Verdict.HOLDS else None
             step, asked = (gap * target if asked else min(size, 2 * step)), False
@@ -375,6 +382,11 @@ class Follower:
     def chosen_otherwise(self, path: LoadPath) -> bool:
         """Does the search meet another state than that of least motion, anywhere a path goes on from?"""
         return any(_differ(s) for s in path.held[: len(path.steps) - 1])
+
+
+def _is_open(step: StepAnswer) -> bool:
+    """Did rounding leave it open?"""
+    return step.verdict is Verdict.UNDECIDED and step.stop is Stop.NUMERICAL
 
 
 def _differ(step: StepAnswer) -> bool:

@@ -86,6 +86,9 @@ class _BoundSearch:
         done: dict[int, _Node] = {}
         while heap and nodes < NODES and not limits.late and heap[0][0] < enough:
             bound, _, k, node = heapq.heappop(heap)
+            if node.x is None:
+                done[k] = node
+                continue
             part = self.split(node)
             if part is None:
                 finer = self.node(node.case, CUTS, node)
@@ -97,7 +100,6 @@ class _BoundSearch:
                 if finer.x is None:
                     continue
                 break
-            assert node.x is not None
             for case in self.likelier_last(node, part):
                 child = self.node(node.case | {part: case}, 1, node)
                 tree.parent.append(k)

@@ -185,8 +185,8 @@ class HoldOptions:
         margins: find how much of each load is resisted under the preload, with `maximum`: `HoldAnswer.margins`.
         command_limit: largest command allowed [N m or N]; see `moderate`.
         limits: as in `check`.
-        loading: as in `check`; with "preload-first" each load is followed on its path, and `lower` is 0: nothing bounds
-            the commands from below.
+        loading: as in `check`; with "preload-first" each load is followed on its path, and `lower` is 0: no
+            bound of the commands is sought.
         settings: of each query, as in `check`; its `timeout` is that of a single one.
         bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
             lower bound is claimed, and only what says that there is no preload is asked again with its proof.
