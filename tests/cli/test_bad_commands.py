@@ -195,3 +195,46 @@ def test_an_object_for_a_grasp(
     monkeypatch.chdir(tmp_path)
     Path("ball.json").write_text('{"schema": "handfast/body/1", "shapes": [{"sphere": {"radius": 0.02}}]}')
     complains(capsys, ["check", "ball.json", "--gravity", "all"], ["ball.json: is an object, and a grasp is needed"])
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (
+            ["check", "FOLDER", "--gravity", "all"],
+            ["is a folder, and one grasp file is needed", "handfast label FOLDER"],
+        ),
+        (["grasp", "GRASP"], ["is a grasp (handfast check", "and a task is needed"]),
+        (["synthesize", "GRASP"], ["is a grasp (handfast check", "and a task is needed"]),
+        (["torques", "GRASP", "--gravity", "all"], ["--gravity", "one direction is needed here", "handfast hold"]),
+    ],
+)
+def test_what_is_given_is_told_as_what_it_is(
+    command: list[str], says: list[str], grasp: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    named = {"FOLDER": str(tmp_path), "GRASP": grasp}
+    wanted = [text.replace("FOLDER", str(tmp_path)) for text in says]
+    complains(capsys, [named.get(word, word) for word in command], wanted)
+
+
+def test_what_cannot_be_written_is_told_before_the_work(
+    grasp: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file where a folder is needed, and a folder that is read-only: nothing is asked, nothing written."""
+    monkeypatch.setattr("handfast.cli.questions.check", None)  # asked, it would be a traceback
+    (tmp_path / "file").write_text("x")
+    asked = ["check", grasp, "--wrench", "0", "0", "-1", "--report"]
+    complains(capsys, [*asked, str(tmp_path / "file" / "page.html")], ["cannot be written", "file is a file"])
+    monkeypatch.setattr("handfast.cli.options.os.access", lambda path, mode: False)
+    complains(capsys, [*asked, str(tmp_path / "new" / "page.html")], ["cannot be written", "read-only"])
+    assert not (tmp_path / "new").exists()
+
+
+def test_more_mistakes_are_told_in_words(grasp: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    deep = tmp_path / "deep.json"
+    deep.write_text("[" * 5000 + "]" * 5000)
+    complains(capsys, ["check", str(deep), "--wrench", "0", "0", "1"], ["deep.json"])
+    complains(capsys, ["plan", "can", "barrett-bh8-280"], ["can: is an object, and a hand is needed"])
+    complains(capsys, ["plan", "barrett-bh8-280", "can", "--tilt", "z"], ["--tilt", "is z; a word and a number"])
+    scene = ["export", grasp, "--layout", "mujoco", "-o", str(tmp_path / "scene.yaml")]
+    complains(capsys, scene, ["scene.yaml", "is of another layout"])

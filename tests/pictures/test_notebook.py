@@ -12,7 +12,21 @@ from typing import Any
 import pytest
 
 import handfast
-from handfast import Body, InputError, Loads, check, force_map, hold, load_body, load_grasp, load_hand, load_task, plan
+from handfast import (
+    Body,
+    InputError,
+    Loads,
+    check,
+    close,
+    force_map,
+    hold,
+    load_body,
+    load_configuration,
+    load_grasp,
+    load_hand,
+    load_task,
+    plan,
+)
 from handfast.core.presented import Presented
 from handfast.model.shape import Shape
 from handfast.pictures import notebook
@@ -31,6 +45,11 @@ def slipping() -> Any:
     return check(load_grasp("fig1"), [0, 5, 0, 0, 0, 0])
 
 
+def closed() -> Any:
+    placed = load_configuration("barrett-can")
+    return close(load_hand("barrett-bh8-280"), {}, load_body("can"), placed.pose)
+
+
 SHOWN: dict[
     str, tuple[Callable[[], Any], str, bool]
 ] = {  # what, a part of its first line, and whether it has a picture
@@ -43,6 +62,8 @@ SHOWN: dict[
     "map": (lambda: force_map(load_grasp("fig1"), "xy", steps=8), "forces in the xy plane", True),
     "hold": (lambda: hold(load_grasp("barrett-can"), Loads.wrench([0, 0, -3])), "One preload holds 1 load", True),
     "plan": (planned, "2 grasps of 2 asked for: parallel-gripper on block", True),
+    "configuration": (lambda: load_configuration("barrett-can"), "barrett-bh8-280 with can: 8 joints stated", False),
+    "closed": (closed, "closed: ", False),
     "task": (lambda: load_task("scalpel-upholding"), "scalpel-upholding: schunk-sah", True),
 }
 

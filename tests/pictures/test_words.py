@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from handfast.core.answer import Stop, Verdict
-from handfast.pictures import sentences
+from handfast.pictures import sentences, words
+from handfast.pictures.page_parts import table
 from handfast.stability.studies.maps import Curve
 
 
@@ -29,3 +33,28 @@ def test_a_weight_that_is_just_resisted_is_enough() -> None:
 
 def test_what_was_not_reached_is_open_and_what_has_no_bound_is_enough() -> None:
     assert sentences.weight_states(curve((np.nan, np.nan), (0, np.inf), unbounded=(1,)), 1.0) == ["open", "enough"]
+
+
+def test_a_map_counts_what_is_resisted_apart_from_how_much_is_known() -> None:
+    """Of four directions one has a gap between its bounds, of one nothing is known, one is exact, one has no bound."""
+    passive = curve((1.0, 9.0), (0.0, 9.0), (2.0, 2.0), (3.0, np.inf), unbounded=(3,))
+    said = sentences.map_sentence(SimpleNamespace(passive=passive, preloaded=None))  # type: ignore[arg-type]
+    assert said == (
+        "Without preload, some force is resisted in 3 of 4 directions, 1 not decided; "
+        "how much more is resisted in 1 of them was not decided."
+    )
+
+
+@pytest.mark.parametrize(
+    ("clearance", "text"),
+    [(0.00142, "clearance 1.4 mm"), (-0.00042, "overlaps by 0.4 mm"), (-0.00002, "clearance 0.0 mm")],
+)
+def test_what_is_below_zero_overlaps(clearance: float, text: str) -> None:
+    assert words.clearance_text(clearance) == text
+
+
+def test_a_table_without_heads_has_no_row_for_them_and_sentences_may_wrap() -> None:
+    made = table(["", "#"], [["grasps", "three of three that were asked for"], ["more", "(0.1234, 0.2345, 0.3456)"]])
+    assert "<thead>" not in made
+    assert made.count('class="wordy"') == 1
+    assert "<thead>" in table(["a", "#b"], [["1", "2"]])

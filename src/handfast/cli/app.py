@@ -252,6 +252,11 @@ def _one_line(said: str) -> str:
         lambda found: f"{found[2]} is not {kinds[found[1]]}",
         message,
     )
+    message = re.sub(
+        r"no type matching \{None\}\|\{STR FLOAT\} could be instantiated from \[(.*)\]\.",
+        lambda found: f"is {found[1].replace(chr(39), '').replace(',', '') or 'empty'}; a word and a number are needed",
+        message,
+    )
     message = re.sub(r"^Missing from [\w ]+: ", "missing: ", message)
     return message[:1].lower() + message[1:]
 

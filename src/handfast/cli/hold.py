@@ -83,7 +83,8 @@ class Hold(Disturbances, QueryOptions, LoadingOrder, Saved, WorkOptions):
         with console.watch("hold") as watch:
             answer = self._asked(grasp, self.grasp, options | {"on_progress": watch.say})
         held = grasp if answer.preload is None else grasp.with_commands(answer.preload)
-        self.finish(held, answer, self._entries(answer), lambda out: self._show(out, grasp, answer))
+        said = said_of(answer)
+        self.finish(held, answer, self._entries(answer), lambda out: self._show(out, grasp, answer), said=said)
         return status(answer)
 
     def _show(self, out: Console, grasp: Grasp, answer: HoldAnswer) -> None:
@@ -222,6 +223,15 @@ def show_hold(out: Console, grasp: Grasp, answer: HoldAnswer, eta: float, why: s
         print_table(out, ["load", "", "shown by", *(["margin"] if answer.margins else [])], lines)
     if answer.margin is not None:
         out.print(conclusion(answer))
+
+
+def said_of(answer: HoldAnswer) -> list[str]:
+    """What the page says first: the verdict, and how many times each load is resisted."""
+    said = [f"{answer.verdict.upper()}: {hold_sentence(answer)}"]
+    if answer.margins:
+        each = [f"{name} {margin_text(found)}" for name, found in answer.margins.items()]
+        said.append(f"{conclusion(answer)} Of each: {', '.join(each)}.")
+    return said
 
 
 def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:

@@ -18,8 +18,8 @@ from handfast.cli.options import (
     Assignments,
     Command,
     Gravity,
-    JsonOptions,
     LoadingOrder,
+    Reported,
     Triple,
     WorkOptions,
     assigned,
@@ -29,24 +29,20 @@ from handfast.core.files import write_bytes, write_text
 from handfast.datasets.dataset_rows import GraspChanges
 from handfast.datasets.labels.label_columns import LabelSummary
 from handfast.datasets.labels.label_dataset import LabelProgress, label_dataset
+from handfast.datasets.labels.label_files import load_labels
 from handfast.datasets.labels.labeller import AXES, Labelling
 from handfast.datasets.scene_source import SceneSource
 from handfast.model.hand.joint_law import laws_named
+from handfast.pictures.label_page import held_rows, report_labels
 from handfast.pictures.words import count
 
 SUMMARY, PICTURE = ".summary.json", ".summary.png"
-HELD_BY = {  # a word of the column: what it says
-    "these": "holds with these commands",
-    "others": "could hold with others: column holding_commands",
-    "none": "cannot hold with any commands",
-    "undecided": "undecided",
-}
 MOST = 8  # reasons that are shown
 LOG = 60.0  # [s] between lines of progress at most, where there is no terminal
 
 
 @dataclass(kw_only=True)
-class Label(JointLawOptions, WorkOptions, LoadingOrder, JsonOptions, Command):
+class Label(JointLawOptions, WorkOptions, LoadingOrder, Reported, Command):
     """Labels for every grasp of a dataset: what it holds, by how much, with which commands.
 
     DATASET is a folder or JSON lines of grasp files, or a table (.npz, .parquet) of joint values and object poses of a
@@ -143,10 +139,12 @@ class Label(JointLawOptions, WorkOptions, LoadingOrder, JsonOptions, Command):
         said = {"schema": "handfast/label-summary/1", "table": self.output.name} | of_paths | summary.to_json()
         write_text(beside[0], json.dumps(said, indent=1, allow_nan=False) + "\n", force=True)
         write_bytes(beside[1], picture(draw_labels(summary, self.output.name)), force=True)
+        if self.report:
+            report_labels(self.report, self.output.name, summary, load_labels(self.output), force=self.force)
         if self.json:
             console.print_json(said)
         else:
-            self._show(summary, [self.output, *beside])
+            self._show(summary, [self.output, *beside, *([self.report] if self.report else [])])
         return console.ANSWERED if summary.labelled else console.BAD_INPUT
 
     def _labelling(self) -> Labelling:
@@ -179,9 +177,7 @@ class Label(JointLawOptions, WorkOptions, LoadingOrder, JsonOptions, Command):
         )
         if self.loading != "together":
             out.print("First the squeeze, then the load: weights are held on their paths, maxima are where paths end.")
-        held = [(words, summary.held_by[key]) for key, words in HELD_BY.items()]
-        held.append(("not asked: no mass is known; give --mass KG", summary.verdicts["no weight"]))
-        if rows := [(words, str(number)) for words, number in held if number]:
+        if rows := held_rows(summary):
             out.print(table(["weight from every direction", "grasps"], rows))
         if summary.broken:
             most = summary.reasons.most_common(MOST)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -84,6 +85,8 @@ def _several(metavar: str, read: Any) -> PrimitiveConstructorSpec[Any]:
 
 def _triple(words: list[str]) -> Numbers:
     """Three numbers."""
+    if words == ["all"]:
+        raise ValueError("is 'all', and one direction is needed here, X Y Z; handfast hold asks about all at once")
     numbers = tuple(_number(w) for w in words)
     if len(words) != 3:
         raise ValueError(f"has {len(words)} numbers; three are needed, X Y Z")
@@ -142,6 +145,10 @@ OTHERS = {  # schemas of files that are given where a grasp is needed: what they
 }
 
 
+NO_TASKS = OTHERS | {"handfast/grasp/1": "a grasp (handfast check asks about it)"}  # where a task is needed
+del NO_TASKS["handfast/task/1"]
+
+
 def refuse_hand(name: str) -> None:
     """`InputError` for a hand, or another file of ours, where a grasp is needed."""
     if HAND.fullmatch(name) or (name in bundled.names("hands") and name not in bundled.names("grasps")):
@@ -153,12 +160,20 @@ def refuse_hand(name: str) -> None:
         raise InputError(
             f"is an object, and a grasp is needed; handfast plan HAND {name} finds grasps of it", source=name
         )
-    schema = None
-    if name.lower().endswith(".json") and Path(name).is_file():
-        with suppress(OSError, ValueError, AttributeError):  # said when it is read as a grasp
-            schema = json.loads(Path(name).read_text("utf-8")).get("schema")
-    if isinstance(schema, str) and schema in OTHERS:
+    if Path(name).is_dir():
+        several = f"handfast label {name} -o LABELS.jsonl or handfast hold {name} ask about all that are in it"
+        raise InputError(f"is a folder, and one grasp file is needed; {several}", source=name)
+    schema = _schema(name)
+    if schema in OTHERS:
         raise InputError(f"is {OTHERS[schema]}, and a grasp is needed", source=name)
+
+
+def _schema(name: str) -> str:
+    """What a JSON file says it is; "" if it says nothing or cannot be read, which is told when it is read in full."""
+    if name.lower().endswith(".json") and Path(name).is_file():
+        with suppress(OSError, ValueError, AttributeError, RecursionError):
+            return str(json.loads(Path(name).read_text("utf-8")).get("schema"))
+    return ""
 
 
 class Written(Protocol):
@@ -313,17 +328,23 @@ class QueryOptions(GraspOptions, Reported):
     """nodes of the search for a question (in a map or sweep: for each direction)"""
 
     def finish(
-        self, grasp: Grasp, answer: Answered, entries: Sequence[Entry], show: Callable[[Console], None], note: str = ""
+        self,
+        grasp: Grasp,
+        answer: Answered,
+        entries: Sequence[Entry],
+        show: Callable[[Console], None],
+        note: str = "",
+        said: Sequence[str] = (),
     ) -> int:
         """Save an answer, write the page about it, print it as JSON or in words; returns the exit status.
 
         Args:
             entries: of the page.
-            show: prints it in words. note: below them.
+            show: prints it in words. note: below them. said: above the page's entries.
         """
         if path := getattr(self, "save", None):
             answer.save(path, force=self.force)  # type: ignore[attr-defined]
-        self.write_page(grasp, entries, settings=self.settings())
+        self.write_page(grasp, entries, settings=self.settings(), notes=said)
         if self.json:
             console.print_json(answer.to_json())
         else:
@@ -386,6 +407,16 @@ def check_writable(path: Path | None, force: bool, endings: Sequence[str]) -> No
         raise InputError("is a folder", source=str(path))
     if path.exists() and not force:
         raise InputError("exists already; give --force to write over it", source=str(path))
+    _refuse_parent(path)
+
+
+def _refuse_parent(path: Path) -> None:
+    """`InputError` where nothing can be written because of a folder above."""
+    above = next((p for p in path.absolute().parents if p.exists()), None)
+    if above is not None and not above.is_dir():
+        raise InputError(f"cannot be written: {above.name} is a file, not a folder", source=str(path))
+    if above is not None and not os.access(above, os.W_OK):
+        raise InputError(f"cannot be written: the folder {above} is read-only", source=str(path))
 
 
 def write_as(
@@ -414,6 +445,8 @@ def check_folder(path: Path | None) -> None:
     """Refuse a file where a folder is to be filled."""
     if path is not None and path.exists() and not path.is_dir():
         raise InputError("is a file; a folder is needed", source=str(path))
+    if path is not None:
+        _refuse_parent(path / "file")
 
 
 def load_solvable(name: str) -> Task:
@@ -424,6 +457,8 @@ def load_solvable(name: str) -> Task:
     if HAND.fullmatch(name):
         right = f"handfast propose {name} OBJECT writes tasks, handfast plan needs none"
         raise InputError(f"is a hand, and a task is needed; {right}", source=name)
+    if (schema := _schema(name)) in NO_TASKS:
+        raise InputError(f"is {NO_TASKS[schema]}, and a task is needed (handfast propose HAND OBJECT)", source=name)
     task = load_task(name)
     with FaultsOf(name):
         driver_ranges(task.hand, task.involved.tolist())

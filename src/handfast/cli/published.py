@@ -248,6 +248,8 @@ class ExportGrasps(Command):
                 raise InputError("is of other layouts; grasp files say their hand", field=option)
         if self.output is None:
             raise InputError("missing: -o FOLDER, or a file that ends in .xml", source="export")
+        if self.output.suffix.lower() in (".yaml", ".yml", ".json"):
+            raise InputError(f"is of another layout; {SCENE} needs a folder, or .xml for one", source=str(self.output))
         written = export_scenes(self.source, self.output, force=self.force)
         print(f"{words.count(len(written), 'scene')}, layout {SCENE}: {self.output}")
         return console.ANSWERED

@@ -17,7 +17,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
 from handfast.model.grasp import Grasp
 from handfast.pictures.scene import moving_scene
-from handfast.pictures.words import load_text
+from handfast.pictures.words import load_text, sentence
 from handfast.simulation.beside_path import beside_path
 from handfast.simulation.result import Ending, SimulationResult
 from handfast.simulation.settled import Rest, Settled, verdict_of
@@ -105,7 +105,9 @@ class Simulate(GraspOptions, Load, Reported):
                 write_bytes(self.film, motion_picture.film(found, scene), force=self.force)
             if self.report:
                 shown = motion_picture.strip(found, scene), "Moments of the simulation, in order."
-                self.write_page(found.grasp, notes=lines(found), gallery=[shown])
+                head, *rest = lines(found)
+                said = sentence(head.replace("  ", ": ", 1)), " ".join(map(sentence, rest))
+                self.write_page(found.grasp, notes=said, gallery=[shown])
 
 
 def show_simulation(found: SimulationResult, *written: Path | None) -> None:

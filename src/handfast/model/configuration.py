@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 
 from handfast.core.arrays import Array
 from handfast.core.files import Finite, Strict, Vector
+from handfast.core.presented import Presented
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix, transform
 from handfast.model.hand.hand import Hand
 
@@ -43,7 +44,7 @@ class PoseFile(Strict):
         return transform(self.position, quaternion_matrix(self.quaternion))
 
 
-class Configuration(Strict):
+class Configuration(Presented, Strict):
     """The whole file.
 
     Attributes:

@@ -15,7 +15,7 @@ from handfast.pictures import Entry, words, write_report
 from handfast.pictures.grasp_picture import draw_scene
 from handfast.pictures.page import render, shown_loads
 from handfast.pictures.scene import DrawnScene, ShownGrasp, link_meshes, link_poses, scene_meshes
-from handfast.pictures.words import laws_text, num
+from handfast.pictures.words import clearance_text, laws_text, num
 from handfast.planning.evaluation.evaluator import contacts_at
 from handfast.planning.propose_tasks import Proposals
 from handfast.planning.results.grasps import Grasps
@@ -41,7 +41,7 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
     for g in planned.grasps:
         preload = f"preload {words.preload_text(g.grasp)}"
         about = f"Grasp {planned.number(g)}, of start {g.index}: {words.grasp_text(g.grasp)}; {preload}."
-        about += f" {words.quality_text(g.quality)}." if g.quality else ""
+        about += f" {words.sentence(words.quality_text(g.quality))}" if g.quality else ""
         about += f" {laws_text(g.grasp)}"
         checks = zip(planned.loads.names, g.answer.checks, strict=True)
         entries = [Entry(f"Does it hold “{name}”?", a, eta=options.limits.eta) for name, a in checks]
@@ -69,7 +69,7 @@ def report_proposals(path: str | Path, proposals: Proposals, body: Body, *, forc
     """
     found = []
     for p in proposals.proposals:
-        measured = f"score {p.score:.2f}, {1e3 * p.off_centre:.0f} mm off centre, clearance {1e3 * p.clearance:.1f} mm"
+        measured = f"score {p.score:.2f}, {1e3 * p.off_centre:.0f} mm off centre, {clearance_text(p.clearance)}"
         about = f"{p.task.name}: {', '.join(p.names)}; {measured}."
         found.append(_configuration(p.answer.solutions[0], body, p.task.name, about))
     facts = [("kind", proposals.kind), ("candidates", f"{proposals.tried} tried, {len(found)} certified and kept")]

@@ -104,10 +104,15 @@ def _panel(ax: Any, grasp: Grasp, witness: Witness | None, meshes: Sequence[Mesh
     if witness is not None:
         points.append(_forces(ax, grasp, witness, V))
     for i in range(grasp.m):
-        out = -V[:2] @ grasp.contacts[i].normal
-        at = V[:2] @ p[i] + 0.09 * size * (out if np.linalg.norm(out) > 0.3 else np.array([0.0, 1.0]))
-        _label(ax, at[0], at[1], str(i), INK, 8.5, bold=True)
+        _label(ax, *_number_place(grasp, i, V), str(i), INK, 8.5, bold=True)
     return np.vstack(points)
+
+
+def _number_place(grasp: Grasp, i: int, V: Array) -> tuple[float, float]:
+    """Where the number of a contact stands: behind it, out of its normal's way."""
+    out = -V[:2] @ grasp.contacts[i].normal
+    x, y = V[:2] @ grasp.positions[i] + 0.09 * grasp.size * (out if np.linalg.norm(out) > 0.3 else np.array([0.0, 1.0]))
+    return float(x), float(y)
 
 
 def _skeleton(ax: Any, grasp: Grasp, V: Array) -> Array:
@@ -190,21 +195,21 @@ def joint_key(grasp: Grasp) -> list[str]:
 
 
 def _joint_labels(ax: Any, grasp: Grasp, V: Array) -> None:
-    """Joint names, or numbers of `joint_key`, below their joints, moved down where they would overlap."""
+    """Names of joints, or their numbers of `joint_key`, below the joints; moved down where they would overlap."""
     (x0, x1), y0 = ax.get_xlim(), ax.get_ylim()[0]
     inches = ax.get_position().width * ax.figure.get_size_inches()[0]
     wide, high = (x1 - x0) * 0.058 / inches, (x1 - x0) * 0.15 / inches  # of a letter, of a line
-    put: list[tuple[float, float, float]] = []
     joints = placed_joints(grasp)
+    put = [(*_number_place(grasp, i, V), wide) for i in range(grasp.m)]  # x, y, half as wide
     texts = [key.split()[0] for key in joint_key(grasp)] or [j.name for j in joints]
     for j, text in sorted(zip(joints, texts, strict=True), key=lambda x: -float(V[1] @ x[0].origin)):
         half = 0.5 * wide * len(text)
         x = min(max(float(V[0] @ j.origin), x0 + half), x1 - half)
         y = float(V[1] @ j.origin) - abs(JOINT * grasp.size * float(V[1] @ j.axis)) - 1.1 * high
-        while any(abs(x - a) < half + b and abs(y - c) < high for a, b, c in put) and y > y0:
+        while any(abs(x - a) < half + c and abs(y - b) < high for a, b, c in put) and y > y0:
             y -= 0.25 * high
         y = max(y, y0 + 0.6 * high)
-        put.append((x, half, y))
+        put.append((x, y, half))
         _label(ax, x, y, text, GREEN, 7.5)
 
 

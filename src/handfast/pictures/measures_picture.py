@@ -24,6 +24,7 @@ from handfast.pictures.scene import Mesh
 from handfast.pictures.words import num
 
 LEAST = 0.006  # of the axis: a bar of nothing is still to be seen
+UNDER: dict[str, Any] = {"fontsize": 8.5, "color": INK, "ha": "center", "va": "bottom"}
 OPEN_BAR: dict[str, Any] = {"fc": "#d9d9d9", "hatch": "////", "lw": 0, "zorder": 3}
 
 
@@ -73,7 +74,7 @@ def _sketch(ax: Any, grasp: Grasp) -> None:
         ax.text(*(at - 0.15 * reach * way), str(i), fontsize=9, color=INK, ha="center", va="center")
     middle, half = (p.max(0) + p.min(0)) / 2, np.array([-1.4, 1.4]) * reach
     ax.set(xlim=middle[0] + half, ylim=middle[1] + half, aspect="equal")
-    ax.set_title(f"contacts and normals, {view.title}", fontsize=9, color=INK, loc="left")
+    ax.text(0.5, 0.03, f"contacts and normals, {view.title}", transform=ax.transAxes, **UNDER)
 
 
 def _table(figure: Figure, found: Measures) -> None:

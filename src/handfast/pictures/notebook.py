@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from handfast.core.answer import Stop, Verdict
 from handfast.measures.measuring import Measures
 from handfast.model.body import Body
+from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.pictures import sentences, words
@@ -30,6 +31,7 @@ from handfast.pictures.sampled_picture import bounds_text, conclusion, draw_samp
 from handfast.pictures.scene import moving_scene, scene_meshes, source_meshes
 from handfast.pictures.task_picture import draw_task
 from handfast.pictures.words import count, num
+from handfast.planning.closing import Closed
 from handfast.planning.evaluation.attempt import PlannedGrasp
 from handfast.planning.propose_tasks import Proposals
 from handfast.planning.results.grasps import Grasps, ProvedGrasp
@@ -74,6 +76,23 @@ def _(hand: Hand) -> list[str]:
 @lines.register
 def _(body: Body) -> list[str]:
     return [f"{body.name}: {words.body_text(body)}"]
+
+
+@lines.register
+def _(placed: Configuration) -> list[str]:
+    joints = count(len(placed.joints), "joint")
+    preload = ", ".join(f"{name} {num(v)}" for name, v in (placed.preload or {}).items() if v)
+    where = f"Object at {words.vector(1e3 * placed.pose[:3, 3], 4)} mm in the hand's base frame."
+    said = f"{placed.hand or 'any hand'} with {placed.object or 'any object'}: {joints} stated"
+    return [said, where, *([f"Preload {preload}."] if preload else [])]
+
+
+@lines.register
+def _(closed: Closed) -> list[str]:
+    touching = ", ".join(closed.touching) or "nothing"
+    said = f"closed: {count(len(closed.contacts), 'contact')}, penetration {num(1e3 * closed.penetration, 3)} mm"
+    stopped = "; ".join(f"{name}: {why}" for name, why in closed.stopped.items())
+    return [said, f"Touches with {touching}.", *([f"Stopped by {stopped}."] if stopped else [])]
 
 
 @lines.register

@@ -17,6 +17,7 @@ TURNING = (  # said below a view in three dimensions
     "Drag to turn, with Shift (or two fingers) to shift; click and scroll, or pinch, to zoom; "
     "double-click to begin again."
 )
+WORDY = 16  # characters; a longer cell is a sentence, and may take several lines
 OPACITY = 0.45  # of the object at first; contacts and forces lie inside it
 
 
@@ -69,15 +70,16 @@ def select(name: str, label: str, options: Sequence[str], chosen: int = 0, *, st
     return f'<label{hidden}>{label} <select name="{name}" autocomplete="off">{rows}</select>{buttons}</label>'
 
 
-def switches(labels: Mapping[str, tuple[str, bool]], *, thing: bool) -> str:
-    """How clear the object is, if there is one; a box for each layer; the way back to the first look."""
-    hidden = "" if thing else " hidden"
+def switches(labels: Mapping[str, tuple[str, bool]], *, thing: bool, hidden: Sequence[str] = ()) -> str:
+    """How clear the object is, if there is one; a box for each layer but those `hidden`; the way back to the first."""
+    gone = "" if thing else " hidden"
     opacity = f'<input type="range" name="opacity" min="0" max="1" step="0.05" value="{OPACITY}" autocomplete="off">'
     boxes = "".join(
-        f'<label><input type="checkbox" name="{name}"{" checked" if on else ""} autocomplete="off">{label}</label>'
+        f"<label{' hidden' if name in hidden else ''}>"
+        f'<input type="checkbox" name="{name}"{" checked" if on else ""} autocomplete="off">{label}</label>'
         for name, (label, on) in labels.items()
     )
-    return f'<label{hidden}>object {opacity}</label>{boxes}<button type="button" name="reset">reset view</button>'
+    return f'<label{gone}>object {opacity}</label>{boxes}<button type="button" name="reset">reset view</button>'
 
 
 def mark(color: str, text: str, kind: str = "") -> str:
@@ -95,14 +97,16 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") 
     ]
 
     def cell(tag: str, k: int, text: str) -> str:
-        names = [n for n, on in (("n", right[k]), ("bad", text.startswith(BAD))) if on]
+        wordy = tag == "td" and len(text) > WORDY and not text.startswith("(")
+        names = [n for n, on in (("n", right[k]), ("bad", text.startswith(BAD)), ("wordy", wordy)) if on]
         style = f' class="{" ".join(names)}"' if names else ""
         return f"<{tag}{style}>{escape(text.lstrip(BAD).lstrip('#'))}</{tag}>"
 
-    head = "".join(cell("th", k, h) for k, h in enumerate(heads)) if any(heads) else ""
+    head = "".join(cell("th", k, h) for k, h in enumerate(heads))
+    head = f"<thead><tr>{head}</tr></thead>" if any(h.strip("#") for h in heads) else ""
     body = "".join("<tr>" + "".join(cell("td", k, c) for k, c in enumerate(row)) + "</tr>" for row in rows)
     heading = f"<h3>{escape(title)}</h3>" if title else ""
-    return f'{heading}<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    return f'{heading}<div class="wide"><table>{head}<tbody>{body}</tbody></table></div>'
 
 
 def still(figure: Figure, caption: str, ending: str = "svg") -> str:

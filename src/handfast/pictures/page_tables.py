@@ -18,6 +18,7 @@ from handfast.stability.problem import model
 from handfast.stability.problem.witness import Witness
 from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
+SHALLOW = 1e-9  # [m]; depths below are rounding
 EQUATIONS = {
     "object_balance": "(1) object in equilibrium",
     "joint_balance": "(2) joint torques carried",
@@ -208,7 +209,7 @@ def grasp_table(grasp: Grasp) -> str:
             vector(1e3 * c.position, 4),
             vector(c.normal),
             num(c.friction),
-            num(1e3 * c.depth, 2),
+            num(1e3 * c.depth, 2) if abs(c.depth) >= SHALLOW else "0",
         ]
         for i, c in enumerate(grasp.contacts)
     ]
@@ -226,17 +227,18 @@ def grasp_table(grasp: Grasp) -> str:
     mech = grasp.mechanism
     rows = []
     for i, name in enumerate(mech.actuators):
-        drives = [
-            j.name if r == 1 else f"{num(r)} × {j.name}" for j, r in zip(grasp.joints, mech.R[i], strict=True) if r
-        ]
+        drives = [_times(r, j.name) for j, r in zip(grasp.joints, mech.R[i], strict=True) if r]
         kind = " (tendon)" if mech.tendon[i] else " (backdrivable)" if mech.backdrivable[i] else ""
         rows.append([name + kind, " + ".join(drives), words.command_text(grasp, i)])
     out += table(["actuator", "#moves", "#commanded"], rows, "Actuators")
     rows = [
-        [" + ".join(f"{num(a)} × {j.name}" for j, a in zip(grasp.joints, row, strict=True) if a) + " = 0"]
-        for row in mech.A
+        [" + ".join(_times(a, j.name) for j, a in zip(grasp.joints, row, strict=True) if a) + " = 0"] for row in mech.A
     ]
     return out + table(["#coupling"], rows, "Couplings")
+
+
+def _times(factor: float, name: str) -> str:
+    return name if factor == 1 else f"−{name}" if factor == -1 else f"{num(factor)} × {name}"
 
 
 def _bounds(curve: Curve, i: int, factor: float) -> str:

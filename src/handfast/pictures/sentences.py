@@ -325,10 +325,14 @@ def map_sentence(answer: MapAnswer) -> str:
     parts = []
     for name, curve in (("without preload", answer.passive), ("with it", answer.preloaded)):
         if curve is not None:
-            states = curve_states(curve)
-            some = sum(s != "slips" for s in states) - states.count("open")
-            left = f", {states.count('open')} not decided" if "open" in states else ""
-            parts.append(f"{name}, {some} of {len(states)} directions are resisted{left}")
+            states, lower = curve_states(curve), np.nan_to_num(curve.lower)
+            some = sum(bool(u or x > 0) for u, x in zip(curve.unbounded, lower, strict=True))
+            text = f"{name}, some force is resisted in {some} of {len(states)} directions"
+            unknown = sum(s == "open" and not x > 0 for s, x in zip(states, lower, strict=True))
+            text += f", {unknown} not decided" if unknown else ""
+            if more := states.count("open") - unknown:
+                text += f"; how much more is resisted in {more} of them was not decided"
+            parts.append(text)
     text = "; ".join(parts)
     return text[:1].upper() + text[1:] + "."
 

@@ -49,6 +49,7 @@ SWITCHES = {  # name: (label, on at first with forces, without)
     "names": ("names", False, False),
     "perspective": ("perspective", True, True),
 }
+OF_LOADS = ("forces", "disturbance", "motions")  # switches that show nothing where nothing was asked
 
 
 def view(shown: DrawnScene) -> str:
@@ -153,7 +154,7 @@ def _controls(shown: DrawnScene) -> str:
         page_parts.select("grasp", "grasp", [g.title for g in shown.grasps], steps=True)
         + page_parts.select("load", "load", [load.title for load in loads], first, steps=True)
         + page_parts.select("side", "", [v.title for v in sides(shown, 0)])
-        + page_parts.switches(boxes, thing=True)
+        + page_parts.switches(boxes, thing=True, hidden=() if loads else OF_LOADS)
     )
 
 

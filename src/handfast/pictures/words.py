@@ -119,6 +119,17 @@ def quality_text(quality: GraspQuality) -> str:
     return f"margin {margin_figure(quality.margin)}{where}, {sure}, clearance {num(1e3 * quality.clearance, 3)} mm"
 
 
+def clearance_text(clearance: float) -> str:
+    """'clearance 0.4 mm', or 'overlaps by 0.4 mm' where it is below zero; clearance [m]."""
+    size = f"{abs(1e3 * clearance):.1f}"
+    return f"overlaps by {size} mm" if clearance < 0 and float(size) > 0 else f"clearance {size} mm"
+
+
+def sentence(text: str) -> str:
+    """A phrase with a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"
+
+
 def command_text(grasp: Grasp, i: int) -> str:
     """Of one actuator of a grasp: '0.1 N·m', 'locked', 'no torque'."""
     idle = "no torque" if grasp.mechanism.backdrivable[i] else "locked"

@@ -12,6 +12,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked
+from handfast.core.presented import Presented
 from handfast.geometry.contacts import THRESHOLD, find_contacts
 from handfast.geometry.scene import Indices, PoseLike, Scene, checked_joints, checked_pose
 from handfast.model.body import Body
@@ -30,7 +31,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Closed:
+class Closed(Presented):
     """Where a hand came to rest.
 
     Attributes:

@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from handfast.core import bundled
 from handfast.core.errors import InputError, nearest
 from handfast.model.hand.anatomy import with_guessed_senses
 from handfast.model.hand.hand import Hand
@@ -87,6 +88,8 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
         if path.suffix:
             raise InputError("no such file", source=str(path))
         known = bundled_hands()
+        if name in bundled.names("objects"):
+            raise InputError("is an object, and a hand is needed; HAND comes before OBJECT", source=name)
         others = f"others are files, or menagerie:ROBOT and ROBOT_description of collections ({EXTRA})"
         raise InputError(f"unknown hand '{name}'; known: {', '.join(known)}; {others}{nearest(name, known)}")
     hand = _read(path, root)
