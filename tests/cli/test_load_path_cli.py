@@ -9,6 +9,7 @@ import pytest
 
 from handfast import load_grasp
 from handfast.readers import grasp_file
+from tests.stability.answers.test_load_path import jaw
 from tests.support.program import run
 
 FIRST = "--loading", "preload-first"
@@ -84,9 +85,10 @@ def test_the_start_of_a_step_is_no_part_of_grasp_files() -> None:
     assert "from" not in grasp_file.to_dict(load_grasp("fig9"))
 
 
-def test_hold_map_and_sweep(grasp: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    held, curve, grown = (str(tmp_path / name) for name in ("hold.json", "map.json", "sweep.json"))
-    asked = "hold", grasp, "--wrench", "0", "1", "0", "--no-least", *FIRST
+def test_hold_map_and_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    grasp, held, curve, grown = (str(tmp_path / f"{name}.json") for name in ("jaw", "hold", "map", "sweep"))
+    grasp_file.save_grasp(jaw(), grasp)
+    asked = "hold", grasp, "--wrench", "-0.3", "0.3", "0", "--no-least", *FIRST
     status, out, _ = run(capsys, *asked, "--save", held)
     assert status == 0
     assert "1 load, each on its path after the squeeze" in " ".join(out.split())
@@ -96,7 +98,7 @@ def test_hold_map_and_sweep(grasp: str, tmp_path: Path, capsys: pytest.CaptureFi
     assert "first the squeeze, then the load" in " ".join(out.split())
     status, out, _ = run(capsys, "map", grasp, "--steps", "1", "--gap", "0.01", "-o", curve, *FIRST)
     assert "first the squeeze, then the load" in " ".join(out.split())
-    again = "sweep", grasp, "--joint", "right", "--to", "0.1", "--steps", "2", "--direction", "0", "1", "0"
+    again = "sweep", grasp, "--joint", "jaw", "--to", "1", "--steps", "2", "--direction", "-1", "1", "0"
     run(capsys, *again, "--gap", "0.01", "-o", grown, *FIRST)
     for file in (curve, grown):
         assert json.loads(Path(file).read_text())["question"]["loading"] == "preload-first"

@@ -49,10 +49,11 @@ def test_max(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_max_without_bound(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    answer = ask(capsys, "max", grasp, "--no-preload", "--direction", "0", "-1", "0", *QUICK)
-    assert (answer["verdict"], answer["unbounded"], answer["upper"]) == ("holds", True, None)
-    status, out, _ = run(capsys, "max", grasp, "--no-preload", "--direction", "0", "-1", "0", *QUICK)
+    asked = "max", grasp, "--no-preload", "--direction", "0", "-1", "0", *QUICK
+    status, out, _ = run(capsys, *asked, "--save", "max.json")
     assert status == 0
+    answer = json.loads(Path("max.json").read_text())["answer"]
+    assert (answer["verdict"], answer["unbounded"], answer["upper"]) == ("holds", True, None)
     assert "force along −y of any size is resisted" in out
 
 

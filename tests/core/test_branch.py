@@ -276,6 +276,7 @@ def test_ctrl_c_between_any_two_instructions_loses_and_repeats_nothing(order):
                 raise KeyboardInterrupt
         return trace
 
+    sys._getframe().f_trace_opcodes = True  # Python 3.12 looks when the tracing begins whether any frame asks for it
     interrupted, n = 0, 1
     while run.state.pending:
         left = n

@@ -24,6 +24,7 @@ def pictures(page: Path) -> int:
     return len(re.findall(r"data:image/png;base64", page.read_text()))
 
 
+@pytest.mark.slow
 def test_a_plan_is_one_page_with_all_its_grasps(tmp_path: Path) -> None:
     block = Body.of([Shape("box", [0.04, 0.04, 0.06])], mass=0.1, friction=0.8, name="block")
     planned = plan(

@@ -41,6 +41,7 @@ from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds
 from tests.support.forged_grasps import renew
 from tests.support.holds import grip, pinch, square
+from tests.support.slow_cases import slow_after
 
 LIGHT = Loads.wrench([0, 0, -0.5, 0, 0, 0])
 
@@ -150,10 +151,12 @@ def test_forces_and_walls_discard_together() -> None:
     task, half = grip(0.05, pose=upright(0.09, 0.1)), block((0.06, 0.02, 0.08), (0.033, 0.035 + 0.004, 0))
     search = joined(task, Body.of([block((0.03, 0.05, 0.03), (0, 0, 0)), half], mass=0.1), weights([0.008, 0, 0]), 0.5)
     (*alone, both) = search.sets
-    for part in search.sets:
-        while not part.over and part.boxes < 10_000:
-            part.step()
+    while not both.over and both.boxes < 10_000:
+        both.step()
     assert both.shown
+    for part in alone:  # as many would do, if forces or walls alone did
+        while not part.over and part.boxes < both.boxes:
+            part.step()
     assert not any(part.shown for part in alone)
     done = replayed(search, task)
     assert done.ok, done.reason
@@ -256,7 +259,7 @@ def never_discarded(part: ContactSetSearch, x: Array, chart: int, others: Intege
     return int((tried >= 0).sum())
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", slow_after(2, range(6)))
 def test_boxes_about_free_configurations_are_never_discarded(seed: int) -> None:
     """Of one contact, drawn at random among solids: mujoco measures that nothing is too deep in anything."""
     rng = np.random.default_rng(seed)
@@ -314,7 +317,6 @@ def test_a_task_that_an_obstacle_forbids_is_none(
     assert none.joined.shown
     assert none.verify().ok
     none.save(tmp_path / "none.json")
-    assert verify(tmp_path / "none.json").ok
     capsys.readouterr()
     assert main(["verify", str(tmp_path / "none.json")]) == 0
     assert "inside the object" in " ".join(capsys.readouterr().out.split())

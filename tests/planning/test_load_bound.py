@@ -245,6 +245,7 @@ def test_a_forged_bound_or_factor_is_refused(saved: dict[str, Any], name: str) -
     assert any(re.search(match, line) for line in lines), lines
 
 
+@pytest.mark.slow
 def test_the_command_line_and_going_on(
     small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], best: Grasps
 ) -> None:

@@ -33,6 +33,7 @@ from handfast.synthesis.embedded_task import task_to_dict
 from tests.planning.test_joined_search import coordinates, drawn, joined, replayed
 from tests.support.forged_grasps import renew
 from tests.support.holds import pinch
+from tests.support.slow_cases import slow_after
 
 # the weight across the way of the pads: each pushes with W / (2 mu), 9.81 N
 CASES = [(jaws, "-z", 2 * 9.81, 0.02), (levers, "-x", LONG * 9.81, 0.03)]
@@ -43,7 +44,7 @@ def asked(task: Task, side: str, limit: float) -> tuple[JoinedSearch, PlanLimits
     return joined(task, BLOCK, Loads.gravity(BLOCK, side), 0.5, limits=limits), limits
 
 
-@pytest.mark.parametrize(("make", "side", "edge", "close"), CASES)
+@pytest.mark.parametrize(("make", "side", "edge", "close"), slow_after(1, CASES))
 def test_the_least_limit_that_holds_the_weight(
     make: Callable[[Path], Task], side: str, edge: float, close: float, tmp_path: Path
 ) -> None:
@@ -135,7 +136,7 @@ def pinched() -> Any:
     return task, synthesize(task, count=6, timeout=None).solutions
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", slow_after(2, range(6)))
 def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(pinched: Any, seed: int) -> None:
     task, found = pinched
     rng, solution = np.random.default_rng(seed), found[seed % len(found)]

@@ -13,6 +13,7 @@ from handfast.proofs.replay import Refused
 from handfast.synthesis.task import PoseBounds, Task
 from tests.support.holds import LARGE, OPEN, flat_grip, grip, pinch, turned
 from tests.support.planted_proofs import PlantedProof, data_of, limited, odd_case, pose_of, sah_case
+from tests.support.slow_cases import slow_after
 
 CASES = [*(("sah", k) for k in range(10)), *(("odd", k) for k in range(10))]
 
@@ -61,10 +62,10 @@ def test_boxes_around_a_planted_configuration_keep_it(kind: str, seed: int, size
     assert ((left[..., 0] <= x + 1e-9) & (x - 1e-9 <= left[..., 1])).all()
 
 
-@pytest.mark.parametrize(("kind", "seed"), CASES)
+@pytest.mark.parametrize(("kind", "seed"), [*slow_after(3, CASES[:10]), *slow_after(3, CASES[10:])])
 def test_what_is_possible_is_never_shown_impossible(kind: str, seed: int) -> None:
     case = planted(kind, seed)
-    done = impossible(data_of(case.task), range(len(case.task.contact_pairs)), origin=True, boxes=300)
+    done = impossible(data_of(case.task), range(len(case.task.contact_pairs)), origin=True, boxes=150)
     assert not done.shown
     assert done.discarded < 1
 

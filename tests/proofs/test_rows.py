@@ -86,7 +86,7 @@ def every_row(q, cases, rng, references):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_legal_row_holds_for_exact_states(family):
     rng, counts = np.random.default_rng(len(family)), dict.fromkeys(Row, 0)
-    for _ in range(150):
+    for _ in range(75):
         state = drawn(rng, **FAMILIES[family])
         q, at = state.question, Columns.of(state.question)
         top = 1.0 if state.scalar is None else state.scalar[1]

@@ -148,7 +148,8 @@ def nearby(p: Problem, x: State, gap: float, until: float = np.inf) -> tuple[Pro
             if better is x and share == 0:
                 continue  # as it was asked before
             found = solved if tried is less else less
-            if found.magnitude >= p.magnitude - gap / 10 and prove(found, better, until).exact:
+            asked = found if share == 0 else fixed  # as an unknown the magnitude would lead back to where it was
+            if found.magnitude >= p.magnitude - gap / 10 and prove(asked, better, until).exact:
                 return found, better
     return p, x
 

@@ -46,6 +46,7 @@ def rows(made: Path) -> list[dict[str, Any]]:
 def test_a_row_is_what_the_verbs_say_of_paths(made: Path) -> None:
     """By hand 2/3 times (-1, 1, 0) is reached, 0.943 N; across both sides rub with 1/2 each."""
     light, heavy = rows(made)
+    assert json.loads((made / "labels.jsonl.about.json").read_text())["questions"]["loading"] == FIRST
     assert (light["verdict"], light["verdicts"], light["held_by"]) == ("holds", ["holds"], "these")
     assert light["weight_factor"] == pytest.approx(2 / 3 * np.sqrt(2) / LIGHT, rel=1e-2)
     assert (
@@ -71,9 +72,8 @@ def test_other_commands_hold_on_the_path(made: Path) -> None:
     assert heavy["largest_command_lower"] is None
 
 
-def test_the_table_says_which_loading_and_is_asked_again_so(made: Path) -> None:
-    about = json.loads((made / "labels.jsonl.about.json").read_text())
-    assert about["questions"]["loading"] == FIRST
+@pytest.mark.slow
+def test_all_of_a_row_is_asked_again_on_paths(made: Path) -> None:
     done = verify(made / "labels.jsonl", replay=True, dataset=made / "grasps.jsonl", rows=[1], jobs=1)
     assert done.ok, done.reason
 
@@ -127,6 +127,7 @@ def test_what_was_changed_is_refused(made: Path, tmp_path: Path, monkeypatch: py
     assert "weight_factor: is 1.2; asked again, nothing above 1.1" in more
 
 
+@pytest.mark.slow
 def test_what_nothing_balances_no_commands_hold() -> None:
     """A weight off the line through both contacts turns the object about it."""
     off = jaw().about(mass=0.05, center_of_mass=(0, 0, 0.1))

@@ -16,10 +16,10 @@ from handfast.proofs.fields import BadFile
 from handfast.stability.answers import check, load_path, maximum, torques
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.scaled_problem import ScaledProblem
-from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.studies.ask_again import Asking
 from handfast.stability.studies.batch import check_many, max_many, torques_many
-from handfast.stability.studies.hold import hold
+from handfast.stability.studies.hold import HoldAnswer, hold
 from handfast.stability.studies.maps import force_map, sweep
 from handfast.stability.studies.verify_maps import replay_sweep
 from tests.stability.answers.test_load_path import FIRST, MOTOR, jaw, padded
@@ -185,18 +185,24 @@ def test_a_map_is_of_paths() -> None:
 # --- one preload for many loads -----------------------------------------------------------------------
 
 
+@cache
+def held(loading: Loading) -> HoldAnswer:
+    return hold(jaw(), LOADS, margins=True, loading=loading)
+
+
 def test_one_preload_holds_loads_on_their_paths() -> None:
     """Together 1.2 N are needed. On the path 0.9 N do: 0.9 (2/3) = 0.6. That less would not do is not claimed."""
-    found = hold(jaw(), LOADS, margins=True, **ALONG)
+    found = held(FIRST)
     assert found.verdict is Verdict.HOLDS
     assert found.preload == {"jaw": pytest.approx(0.9, rel=2e-3)}
     assert (found.lower, found.bounding) == (0.0, None)
     assert found.margins["back"].lower == pytest.approx(1.0, rel=3e-3)
     assert found.to_json()["loading"] == FIRST
     assert found.verify().ok
-    assert hold(jaw(), LOADS).lower > 1.19
+    assert held("together").lower > 1.19
 
 
+@pytest.mark.slow
 def test_a_preload_that_holds_together_and_not_on_the_path_is_none() -> None:
     """`barrett-mug` resists 18.1 N along +y together, with the commands that it has; its path ends at 11 N."""
     mug = load_grasp("barrett-mug")
@@ -226,7 +232,7 @@ def test_no_preload_for_what_nothing_balances() -> None:
 def test_hold_files_of_another_loading_are_refused() -> None:
     from handfast.proofs import holds
 
-    after, together = (hold(jaw(), LOADS, margins=True, loading=x).to_file() for x in (FIRST, "together"))
+    after, together = held(FIRST).to_file(), held("together").to_file()
 
     def refused(data: Any) -> str:
         return str(holds.replay(holds.read_hold(data)).fault)
