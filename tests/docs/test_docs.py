@@ -349,7 +349,7 @@ def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.Capture
         "torques": ["torques", "fig11", "--wrench", "0", "0", "0.5"],
         "hold": ["hold", "fig1", "--wrench", "0", "1", "0"],
         "map": ["map", "fig11", "--plane", "xz", "--steps", "1"],
-        "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "1", *up],
+        "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "2", *up],
         "synthesize": ["synthesize", "scalpel-upholding"],
         "grasp": ["grasp", "scalpel-incision", "--count", "1", "--up", "z"],
     }

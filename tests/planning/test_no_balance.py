@@ -204,6 +204,7 @@ def test_none_is_saved_and_verified(none: Grasps, tmp_path: Path) -> None:
     assert "boxes are not refuted" in refused(none__motions=flipped)
 
 
+@pytest.mark.slow
 def test_the_command_says_why(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     folder = str(tmp_path / "out")
     assert main(["grasp", TWO, "--timeout", "30", "-o", folder]) == 0

@@ -181,10 +181,10 @@ def none() -> Any:
     return grasp_for(jaws(), BLOCK, Loads.gravity(BLOCK, "-z"), timeout=300, friction=0.5, jobs=1, limits=limits)
 
 
+@pytest.mark.slow
 def test_motors_too_weak_together_are_none(none: Any, tmp_path: Path) -> None:
     assert none.verdict is Reach.NONE
     assert none.joined.shown
-    assert none.verify().ok
     none.save(tmp_path / "none.json")
     assert verify(tmp_path / "none.json").ok
 
@@ -247,7 +247,7 @@ CHANGES = [
 ]
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change", slow_after(0, CHANGES))
 def test_a_forged_proof_is_refused(none: Any, change: str) -> None:
     data = json.loads(json.dumps(grasps_file.to_dict(none.saved)))
     before = copy.deepcopy(data)

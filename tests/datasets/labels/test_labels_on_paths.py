@@ -32,10 +32,22 @@ def weighing(newton: float) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a dataset of both weights, and its table."""
-    folder = tmp_path_factory.mktemp("paths")
+    """A folder with a dataset of both weights, and its table.
+
+    It is the same jaw, so that the same directions have the same ends: they are asked about once.
+    """
+    folder, ask, known = tmp_path_factory.mktemp("paths"), Questions.largest, {}
+
+    def once(self: Questions, directions: list[np.ndarray]) -> list[LargestLoad]:
+        key = np.array(directions).tobytes()
+        if key not in known:
+            known[key] = ask(self, directions)
+        return known[key]
+
     dataset = write_lines(folder / "grasps.jsonl", weighing(LIGHT), weighing(HEAVY))
-    label_dataset(dataset, folder / "labels.jsonl", labelling=LITTLE, jobs=1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Questions, "largest", once)
+        label_dataset(dataset, folder / "labels.jsonl", labelling=LITTLE, jobs=1)
     return folder
 
 

@@ -182,8 +182,8 @@ BOMBS = {
     "a far place of the memo": b"Nr\xff\xff\xff\x7f.",
     "lists that are shared": pickle.dumps(laughs())[2:],
     "a list of itself": b"]q\x00h\x00a.",
-    "lists": b"(" + b"]" * 4_000_000 + b"l.",
-    "dictionaries": b"(" + b"}" * 4_000_000 + b"l.",
+    "lists": b"(" + b"]" * 1_000_000 + b"l.",
+    "dictionaries": b"(" + b"}" * 1_000_000 + b"l.",
     "arrays that have the same contents": _many_arrays(
         1100, 2**20, "u1", b"X" + (2**20).to_bytes(4, "little") + b"a" * 2**20
     ),
