@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from handfast import Verdict, check
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.filters.balance import (
-    CIRCUMSCRIBED,
     balances,
+    circumscribed,
     friction_margin,
     imbalance,
     squeeze_imbalance,
@@ -91,7 +91,7 @@ def test_what_is_resisted_is_balanced(seed: int) -> None:
     else:
         grasp, w[3] = gripped(torque=1.0), 0.0  # a pinch has no torque about the line between its tips
     assert check(grasp, w).verdict is Verdict.HOLDS
-    assert imbalance(grasp, w[None], CIRCUMSCRIBED)[0] < 1e-6
+    assert imbalance(grasp, w[None], circumscribed())[0] < 1e-6
 
 
 # --- squeezes -----------------------------------------------------------------------------------

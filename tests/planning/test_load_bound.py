@@ -17,7 +17,7 @@ from handfast import InputError, Reach, Stop, Task, grasp_for, load_body, load_t
 from handfast.cli import console
 from handfast.cli.grasp import FindGrasps, best_text, show_grasps
 from handfast.planning.evaluation import local_search
-from handfast.planning.filters.balance import CIRCUMSCRIBED, least_load_factor, load_factor
+from handfast.planning.filters.balance import circumscribed, least_load_factor, load_factor
 from handfast.planning.load_bound import LoadBound
 from handfast.planning.question import PlanLimits
 from handfast.planning.results import grasps_file
@@ -132,7 +132,7 @@ def test_pyramids_about_the_cones_are_an_upper_bound() -> None:
         n = rng.normal(size=(3, 3))
         n /= np.linalg.norm(n, axis=1, keepdims=True)
         p, w = 0.03 * rng.normal(size=(3, 3)), rng.normal(size=6)
-        inside, outside = (load_factor(p, n, mu, np.ones(3), w)[0] for mu in (0.5, 0.5 * CIRCUMSCRIBED))
+        inside, outside = (load_factor(p, n, mu, np.ones(3), w)[0] for mu in (0.5, 0.5 * circumscribed()))
         assert 0 <= inside <= outside * (1 + 1e-9)
         R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         R *= np.sign(np.linalg.det(R))

@@ -37,7 +37,7 @@ def data(task: Task) -> TaskData:
 def limits(task: Task, torques: dict[str, float], friction: float = 0.5, laws: str = "none", **how: Any) -> Array:
     hand = task.hand.with_laws(laws)
     motors = json.loads(json.dumps(motors_to_dict(hand) | how.pop("motors", {})))
-    return contact_force_limits(data(task), Motors.read(Fields(motors), data(task), torques, **how), friction)
+    return contact_force_limits(data(task), Motors.read(Fields(motors), data(task), torques, **how), friction).most
 
 
 # --- jaws ---------------------------------------------------------------------------------------------

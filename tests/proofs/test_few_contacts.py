@@ -330,7 +330,7 @@ def test_claims_are_replayed_and_larger_ones_are_refused() -> None:
     turned = held(Shape("cylinder", [0.03, 0.1]), 0.0, loads=Loads.wrench([0, 0, 0, 0, 0, 1.0]))
     assert "no number of contacts" in replay(said(turned)).claim
     assert replay(said(turned, contacts=7)).ok
-    assert words(Fewest(3, "line")).startswith("1 or 2 contacts on its surface cannot hold: two contacts")
+    assert words(Fewest(3, "line")).startswith("1 or 2 contacts on its surface cannot hold: two point contacts")
     assert words(Fewest(2)) == "1 contact on its surface cannot hold"
 
 

@@ -191,7 +191,8 @@ def sentence(answer: Grasps) -> str:
         why = WHY.get(answer.stop, "the search came to its end")
         nothing = "no certified configuration holds" if answer.tally.total else "no configuration was found"
         line = " Two point contacts hold no torque about the line between them, hence hardly any weight."
-        pinch = line if len(answer.task.contact_pairs) == 2 and answer.tally[RejectionReason.UNBALANCED] else ""
+        points = len(answer.task.contact_pairs) == 2 and not answer.requirements.torsion
+        pinch = line if points and answer.tally[RejectionReason.UNBALANCED] else ""
         return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}.{pinch}"
     s, loads = "s" if n == 1 else "", words.count(len(answer.loads), "load")
     which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"
@@ -214,14 +215,19 @@ def best_text(answer: Grasps, times: float) -> str:
 
 def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
     """Why no contact forces balance the loads."""
-    distance = searched.line_distance
-    if not distance:
+    distance, soft = searched.line_distance, ""
+    if asked.torsion:
+        soft = f", a torsion of {num(1e3 * asked.torsion)} mm"
+    if not distance or (soft and asked.force_limit is None):
         limit = "" if asked.force_limit is None else f", normal forces up to {num(asked.force_limit)} N"
         limit += ", torques within their limits" if asked.torque_limits else ""
         if few := (searched.proof or {}).get("fewest_contacts"):
             return f"It takes {few} contacts or more to balance the loads with a friction of {num(asked.friction)}"
-        return f"No contact forces balance the loads with a friction of {num(asked.friction)}{limit}"
+        return f"No contact forces balance the loads with a friction of {num(asked.friction)}{soft}{limit}"
     near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance)} mm"
+    if soft:
+        most = f"normal forces up to {num(asked.force_limit or 0.0)} N{soft}"
+        return f"Two soft fingertips with {most} have too little moment about the line between them, and {near}"
     return f"Two fingertips have no moment about the line between them, and {near}"
 
 

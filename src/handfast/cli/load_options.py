@@ -315,6 +315,8 @@ class SearchFlags(LoadsOptions, WorkOptions, Reported, Command):
     """largest normal force at any contact [N]"""
     eta: Annotated[float, arg(metavar="DEG")] = 0.0
     """how far the contact normals may be off [degrees]"""
+    torsion: Annotated[float, arg(metavar="M")] = 0.0
+    """torsional friction of soft fingers at every contact [m]; 0 is a point contact"""
     resume: bool = False
     """go on from what FOLDER holds; the same question, but for how many and how long, --pool and --jobs"""
 

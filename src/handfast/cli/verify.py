@@ -164,7 +164,8 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
         return
     if data.get("query") == "plan":
         made = data.get("scene", {})
-        given = f"friction {num(made['friction'])}; joint laws: {made['joint_laws']}" if made else ""
+        soft = f", torsion {num(1e3 * data['torsion'])} mm" if data.get("torsion") else ""
+        given = f"friction {num(made['friction'])}{soft}; joint laws: {made['joint_laws']}" if made else ""
         said = "each grasp holds" if data["grasps"] else f"of the object, {data.get('fewest_contacts')}; asked are"
         out.print(f"\n{_opening(proved)} {said} {', '.join(data['loads'])}", soft_wrap=True)
         out.print(given, style="dim", soft_wrap=True)
@@ -254,7 +255,8 @@ def show_grasps_question(out: Console, what: SavedGrasps, question: Mapping[str,
     asked, body = what.requirements, what.object
     terms = _terms(asked.eta, question["mdp"], asked.torque_limits or {}, asked.force_limit)
     limit = [] if asked.command_limit is None else [f"commands up to {num(asked.command_limit)}"]
-    facts = "; ".join([f"friction {num(asked.friction)}", *terms, *limit])
+    soft = f", torsion {num(1e3 * asked.torsion)} mm" if asked.torsion else ""
+    facts = "; ".join([f"friction {num(asked.friction)}{soft}", *terms, *limit])
     held = (
         "no grasp of these regions holds each load alone" if what.none else "each load alone is held under one preload"
     )

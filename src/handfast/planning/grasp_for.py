@@ -42,12 +42,13 @@ from handfast.planning.question import (
     fingerprint,
     link_pairs,
     refuse_another,
+    refuse_no_cone,
 )
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.grasps_file import motors_to_dict
 from handfast.planning.results.search_file import REASONS, FoundEntry, SavedSearch
 from handfast.planning.search import Gathering, Journal, UnitResult
-from handfast.proofs.contact_force_limits import contact_force_limits
+from handfast.proofs.contact_force_limits import ForceLimits, contact_force_limits
 from handfast.proofs.fields import Fields
 from handfast.proofs.motors import Motors
 from handfast.proofs.tasks import read_task
@@ -114,20 +115,22 @@ def grasp_for(
         if name not in task.hand.mechanism.actuators:
             raise unknown_name("actuator", name, task.hand.mechanism.actuators, field="actuators")
     friction = body.friction if o.friction is None else o.friction
+    refuse_no_cone(friction, o.torsion)
     scene = Scene(task.hand, body, link_pairs(task.hand, o.ignored))
     problem = TaskProblem.of(task)
     collisions = Collisions(scene, cutoff=NEAR, at_rest=rest_overlaps(scene, at_zero=True))
-    evaluator = Evaluator(problem, collisions, loads, friction, o.allowed)
-    asked = Requirements.of(o.limits, friction, names)
+    evaluator = Evaluator(problem, collisions, loads, friction, o.allowed, o.torsion)
+    asked = Requirements.of(o.limits, friction, names, o.torsion)
     work = LocalSearch(evaluator, o.seed, asked, best=o.best, force_limits=force_limits_of(task, asked))
     search = _TaskSearch(work, body, o.count, journal or Journal())
     return search.run(o.timeout, jobs, scheduler)
 
 
-def force_limits_of(task: Task, asked: Requirements) -> Array:
-    """(K,) [N] that no normal force at a contact exceeds, by the limits that are asked, wherever the hand is."""
+def force_limits_of(task: Task, asked: Requirements) -> ForceLimits:
+    """What no normal force at a contact exceeds, by the limits that are asked, wherever the hand is."""
     most, motors = np.inf if asked.force_limit is None else asked.force_limit, motors_of(task, asked)
-    return np.minimum(contact_force_limits(read_task(task_to_dict(task)), motors, asked.friction), most)
+    data = read_task(task_to_dict(task))
+    return contact_force_limits(data, motors, asked.friction, asked.torsion).up_to(most)
 
 
 def motors_of(task: Task, asked: PlanLimits) -> Motors:
@@ -145,6 +148,7 @@ def question_of(work: LocalSearch, body: Body) -> str:
     ignored = evaluator.collisions.scene.ignored
     regions |= {"ignored": ignored} if ignored else {}
     regions |= {"best": work.best} if work.best else {}
+    regions |= {"torsion": r.torsion} if r.torsion else {}
     settings = r.settings or SETTINGS
     others = said | r.of_a_load.to_json() | regions | {"settings": settings}
     return fingerprint(evaluator.task.hand, body, evaluator.loads, work.seed, **others)
@@ -276,12 +280,13 @@ class _TaskSearch:
 
     def bound_of_all(self, saved: Any = None) -> LoadBound | None:
         """The search for a bound on what any placement holds; None where a limit of the contact forces is missing."""
-        return self.of_placements(LoadBound, saved) if np.isfinite(self.work.force_limits).any() else None
+        return self.of_placements(LoadBound, saved) if np.isfinite(self.work.force_limits.most).any() else None
 
     def of_placements(self, kind: type[Searched], saved: Any) -> Searched:
         """A search over the placements of the contacts."""
         e, r, center = self.evaluator, self.work.requirements, np.asarray(self.body.center_of_mass, dtype=float)
         how: dict[str, Any] = {"center": center, "force_limits": self.work.force_limits, "seed": self.work.seed}
+        how |= {"torsion": r.torsion}
         return kind(e.task, e.loads, r.friction, **how, saved=saved)
 
     def joined_proof(self, saved: Any = None) -> JoinedSearch:
@@ -451,7 +456,7 @@ class _TaskSearch:
 
     def proved(self, f: _Found, answer: HoldAnswer) -> ProvedGrasp:
         """A grasp with everything that is said of it under the preload of an answer."""
-        (c,), task, near = self.work.candidates([f.certified]), self.evaluator.task, self.evaluator.collisions
+        c, task, near = self.work.candidate(f.certified), self.evaluator.task, self.evaluator.collisions
         grasp = of_body(c.grasp.with_preload(answer.preload), task.hand, self.body)
         wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out, at_rest=near.at_rest)
         return ProvedGrasp(

@@ -18,7 +18,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.planning.filters.balance import least_load_factor, load_factor
+from handfast.planning.filters.balance import circumscribed, least_load_factor, load_factor
 from handfast.planning.no_balance import (
     BATCH,
     FINEST,
@@ -34,6 +34,7 @@ from handfast.stability.answers.answer import finite
 
 ROUNDING = 1 + 1e-9  # on the bound, over that of the leaves' factors
 EDGES = 16  # of the pyramids about the friction cones
+SOFT_EDGES = 8  # of those of soft fingers, on each of three circles
 CLIMBED = 4  # placements of a step, near the best that was met
 LONGEST, SHORTEST, SHORTER = 0.3, 0.01, 0.9  # share of the whole, of the steps to these; after one that was not better
 CLOSE = 1e-3  # relative: a bound that is so near to what was reached is not improved
@@ -151,7 +152,8 @@ class LoadBound(NoBalance):
         for _ in range(steps):
             at = np.clip(self.at + self.length * (high - low) * self.random.normal(size=len(low)), low, high)
             points, normals = p.at(at[None])
-            factor = least_load_factor(points[0], normals[0], p.friction, p.force_limits, p.loads, least=self.reached)
+            asked = points[0], normals[0], p.friction, p.force_limits, p.loads
+            factor = least_load_factor(*asked, least=self.reached, torsion=p.torsion)
             if factor > self.reached:
                 self.reached, self.at, self.length = factor, at, min(2 * self.length, LONGEST)
             else:
@@ -182,8 +184,10 @@ class LoadBound(NoBalance):
 
     def _duals(self, corners: Corners, guesses: Array) -> Integers:
         """The constant twist with the least factor over middles and corners, of the load with the least guess."""
-        friction, limits, loads = self.placements.friction, self.placements.force_limits, self.placements.loads
-        wide = friction / np.cos(np.pi / EDGES)  # pyramids that hold the cones
+        placed, edges = self.placements, EDGES if not self.placements.torsion else SOFT_EDGES
+        limits, loads = placed.force_limits, placed.loads
+        wide = circumscribed(edges, soft=placed.torsion > 0)  # pyramids that hold the cones
+        friction, torsion = wide * placed.friction, wide * placed.torsion
         weights, twists = np.zeros((len(guesses), len(loads))), np.zeros((len(guesses), 6))
         for n, guess in enumerate(guesses):
             p, normals = (np.swapaxes(a, 0, 1) for a in (corners.points[n], corners.normals[n]))
@@ -192,7 +196,7 @@ class LoadBound(NoBalance):
                 load = int(guess.argmin())
                 if guess[load] >= least:
                     break
-                guess[load], twist = load_factor(p, normals, wide, limits, loads[load], EDGES)
+                guess[load], twist = load_factor(p, normals, friction, limits, loads[load], edges, torsion)
                 if guess[load] < least:
                     least, weights[n], twists[n] = guess[load], np.eye(len(loads))[load], twist
         return self.add_motions(Motions(weights, np.full((len(guesses), 2), NO_MOTION), twists))

@@ -25,7 +25,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.filters.balance import BALANCED, CIRCUMSCRIBED, imbalance, pyramid_wrenches
+from handfast.planning.filters.balance import BALANCED, circumscribed, imbalance, pyramid_wrenches
+from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.few_contacts import Held
 from handfast.proofs.fields import BadFile, Fields, Integers
 from handfast.proofs.replay import Refused
@@ -123,7 +124,7 @@ class NoBalance:
     """The search; `run` goes on where it was left.
 
     Args:
-        loads: each alone has to be balanced. friction: coefficient at every contact.
+        loads: each alone has to be balanced. friction: coefficient at every contact. torsion: [m] of soft fingers.
         force_limits: [N] largest normal force at any contact, or (K,) at each; inf for none.
         center: (3,) [m] the object's centre of mass.
         seed: of the placements that are looked at first.
@@ -140,7 +141,8 @@ class NoBalance:
         friction: float,
         *,
         center: Array,
-        force_limits: Array | float = np.inf,
+        force_limits: ForceLimits | Array | float = np.inf,
+        torsion: float = 0.0,
         seed: int = 0,
         saved: Any = None,
     ) -> None:
@@ -148,11 +150,12 @@ class NoBalance:
         self.names, self.center = loads.names, None
         if len(regions) == 2 and all(loads.weights):
             self.center = np.asarray(center, dtype=float)
-        self.placements = Placements.of(regions, loads.wrenches, friction, force_limits)
+        self.placements = Placements.of(regions, loads.wrenches, friction, force_limits, torsion)
+        self.wide = circumscribed(soft=torsion > 0)
         self.whole = np.ptp(self.placements.root, axis=1)
         self.motions = Motions(np.zeros((0, len(loads))), np.zeros((0, 2), dtype=np.int64), np.zeros((0, 6)))
         self.hits = np.zeros(len(loads))  # how often each load refuted a box
-        self.fewest = Held((), np.zeros(3), loads.wrenches, friction).opposed(self.placements.reach)
+        self.fewest = Held((), np.zeros(3), loads.wrenches, friction, torsion=torsion).opposed(self.placements.reach)
         self.root = BoxNode(self.placements.root, NO_MOTION)
         self.open = deque([self.root] if self.fewest.most < self.placements.count else [])
         self.boxes, self.discarded = 0, 0.0
@@ -222,15 +225,16 @@ class NoBalance:
     def _missing(self, at: Array) -> Array:
         """(N,) how much of the loads forces cannot balance at placements (N, 2 K); notes one where that is nothing."""
         out = np.zeros(len(at))
+        mu, torsion = self.placements.friction, self.placements.torsion
         for n, (p, normals) in enumerate(zip(*self.placements.at(at), strict=True)):
             if self.placements.limited.any():
-                wrenches = pyramid_wrenches(p, normals, self.placements.friction, p.mean(axis=0), 1.0)
+                wrenches = pyramid_wrenches(p, normals, mu, p.mean(axis=0), 1.0, torsion=torsion)
                 short = [
                     np.linalg.norm(self._separating(wrenches, w, p.mean(axis=0), 1.0)) for w in self.placements.loads
                 ]
                 out[n] = sum(x for x in short if x > BALANCED)
             else:
-                grasp = Grasp([Contact(*there, self.placements.friction) for there in zip(p, normals, strict=True)])
+                grasp = Grasp([Contact(*there, mu, torsion=torsion) for there in zip(p, normals, strict=True)])
                 out[n] = imbalance(grasp, self.placements.loads).sum()
             if not out[n]:
                 self.balanced = at[n]
@@ -320,7 +324,8 @@ class NoBalance:
         for n, k in enumerate(its):
             center, size = corners.points[k, 0].mean(axis=0), corners.size[k]
             p, normals = (np.swapaxes(a, 0, 1) for a in (corners.points[k], corners.normals[k]))
-            contacts = pyramid_wrenches(p, normals, self.placements.friction * CIRCUMSCRIBED, center, size)
+            coefficients = self.placements.friction * self.wide, center, size
+            contacts = pyramid_wrenches(p, normals, *coefficients, torsion=self.placements.torsion * self.wide)
             for load in order:
                 z = self._separating(contacts, self.placements.loads[load], center, size)
                 if np.linalg.norm(z) > NOTHING:

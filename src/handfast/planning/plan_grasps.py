@@ -14,7 +14,7 @@ from handfast.core.parallel import Workers, workers_of
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
-from handfast.planning.question import PlanOptions, compared, link_pairs, refuse_another
+from handfast.planning.question import PlanOptions, compared, link_pairs, refuse_another, refuse_no_cone
 from handfast.planning.ranking import best_first, difference, most_different
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Gathering, Journal, fruitless
@@ -59,6 +59,7 @@ def plan(
     """
     o, journal = replace(options or PlanOptions(), **changes), journal or Journal()
     compared(hand, body)
+    refuse_no_cone(body.friction, o.torsion)
     loads = Loads.gravity(body) if loads is None else loads
     if not loads.wrenches.any():
         raise InputError("are all zero; a force or torque to hold is needed", field="loads")

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from handfast.core.errors import InputError, refuse_other_kinds, unknown_name
+from handfast.core.errors import InputError, refuse_other_kinds, require_not_negative, unknown_name
 from handfast.model.body import Body
-from handfast.model.grasp import Grasp
+from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.anatomy import Anatomy
 from handfast.model.hand.hand import Hand
 from handfast.model.mesh_pieces import LONG
@@ -59,17 +59,18 @@ class Requirements(PlanLimits):
     """The numbers of a question about grasps for a task.
 
     Attributes:
-        friction: coefficient at every contact.
+        friction: coefficient at every contact. torsion: [m] of soft fingers; 0 for point contacts.
         actuators: that may be commanded.
     """
 
     friction: float
+    torsion: float = 0.0
     actuators: tuple[str, ...]
 
     @classmethod
-    def of(cls, limits: PlanLimits, friction: float, actuators: Sequence[str]) -> Requirements:
-        """These limits, with the friction and the actuators."""
-        return cls(friction=friction, actuators=tuple(actuators), **vars(limits))
+    def of(cls, limits: PlanLimits, friction: float, actuators: Sequence[str], torsion: float = 0.0) -> Requirements:
+        """These limits, with friction, torsion and the actuators."""
+        return cls(friction=friction, torsion=torsion, actuators=tuple(actuators), **vars(limits))
 
     def driven(self, grasp: Grasp) -> list[str]:
         """The actuators of a grasp that may be commanded; where none of those asked for moves it, all of its own."""
@@ -109,11 +110,12 @@ class SearchOptions:
         timeout: [s] wall time after start-up; None goes on until there are `count`.
         limits: of commands and forces. No `command_limit` is ten times the largest load at the size of the grasp.
         ignored: pairs of links, by name, that may overlap: where the collision shapes do and the real links do not.
+        torsion: [m] coefficient of torsional friction at every contact, of soft fingers; 0 for point contacts.
         safety: so many times every load is to be held. A grasp that holds its loads and no more lets go at the first
             disturbance: the command line asks for 1.5.
 
     Raises:
-        InputError: a count or a time that is not positive, a negative seed.
+        InputError: a count or a time that is not positive, a negative seed or torsion, torsion with uncertain normals.
     """
 
     count: int = 1
@@ -121,6 +123,7 @@ class SearchOptions:
     timeout: float | None = 60.0
     limits: PlanLimits = field(default_factory=PlanLimits)
     ignored: Sequence[tuple[str, str]] = ()
+    torsion: float = 0.0
     safety: float = 1.0
 
     def __post_init__(self) -> None:
@@ -128,6 +131,10 @@ class SearchOptions:
         refuse_no_positive({"count": self.count, "timeout": self.timeout, "safety": self.safety})
         refuse_no_positive({"command_limit": self.limits.command_limit})
         refuse_negative(self.seed)
+        require_not_negative(self.torsion, "torsion", "a coefficient of torsional friction is 0 or more [m]")
+        if self.torsion and self.limits.eta:
+            problem = f"is {self.torsion:g} m; uncertain normals (eta) know point contacts only, leave one out"
+            raise InputError(problem, field="torsion")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -187,6 +194,11 @@ class TaskGraspOptions(SearchOptions):
             raise InputError("'preload-first' is not known to grasps for a task; plan knows it", field="loading")
         if self.best not in (None, "margin"):
             raise InputError(f"is {self.best!r}; margin is needed", field="best")
+
+
+def refuse_no_cone(friction: float, torsion: float) -> None:
+    """`InputError` for coefficients that no contact can have."""
+    Contact(np.zeros(3), np.array([0.0, 0.0, 1.0]), friction, torsion=torsion)
 
 
 def refuse_negative(seed: int) -> None:

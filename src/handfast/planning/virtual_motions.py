@@ -1,7 +1,8 @@
 """Finds motions of object and joints together on which a load does more work than motors within their limits can.
 
 For a box of configurations: a linear program in the object's twist and the joints' motions, by what is so in the
-middle of the box. A force on the edge of a friction cone is one row: the work that it does. How a row changes over the
+middle of the box. A force on the edge of a friction cone, with the torsion of a soft finger, is one row: the work that
+it does. How a row changes over the
 box is taken to first order, from differences. The force that does least work, and the corner of the box at which that
 is least, hang on the motions: these are added until none is worse. What is largest is the margin of all rows.
 """
@@ -12,6 +13,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from handfast.core.arrays import Array
+from handfast.planning.filters.balance import rim
 from handfast.proofs.chains import joint_rates
 from handfast.proofs.discarded_boxes import Boxes
 from handfast.proofs.fields import Integers
@@ -65,12 +67,12 @@ class VirtualMotions:
         steps = np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
         at = boxes.box.mean(axis=2)[:, None] + steps * half[:, None]
         center, size, works = self._works(at.reshape(-1, n), np.repeat(boxes.charts, len(steps)), N)
-        works = works.reshape(N, len(steps), *works.shape[1:])  # (N, steps, K, 3, 6 + L)
+        works = works.reshape(N, len(steps), *works.shape[1:])  # (N, steps, K, 3 or 4, 6 + L)
         middle, slope = works[:, 0], (works[:, 1 : n + 1] - works[:, n + 1 :]) / 2
         low, high = self._senses(boxes)
         order, loads = np.argsort(-hits, kind="stable"), self.placements.loads
         weights, twists, joints, which = [], [], [], []
-        first = self._edges(np.tile(2 * np.pi * np.arange(EDGES) / EDGES, (self.placements.count, 1)))
+        first = self._edges(np.tile(rim(EDGES, soft=self.placements.torsion > 0), (self.placements.count, 1, 1)))
         for k in range(N):
             best, chosen, z = LEAST, -1, np.zeros(0)
             rows = [first @ middle[k]]
@@ -81,8 +83,7 @@ class VirtualMotions:
             if chosen < 0:
                 continue
             for _ in range(ROUNDS):
-                u = middle[k] @ z  # (K, 3) normal and tangential
-                edges = np.concatenate([first, self._edges(np.arctan2(-u[:, 2:], -u[:, 1:2]))], axis=1)
+                edges = np.concatenate([first, self._edges(self._worst(middle[k] @ z)[:, None])], axis=1)
                 change = edges @ slope[k]  # (n, K, M, 6 + L)
                 rows.append(edges @ middle[k] - (np.sign(change @ z)[..., None] * change).sum(axis=0))
                 before = best
@@ -103,15 +104,29 @@ class VirtualMotions:
             return Motions(np.zeros((0, len(loads))), pairs, np.zeros((0, 6))), np.zeros(0, dtype=np.int64)
         return Motions(np.array(weights), pairs, np.array(twists), np.array(joints)), np.array(which)
 
-    def _edges(self, angles: Array) -> Array:
-        """(K, M, 3) forces with a normal part of 1, on the edges of the cones at angles (K, M)."""
-        mu = self.placements.friction
-        return np.stack([np.ones(angles.shape), mu * np.cos(angles), mu * np.sin(angles)], axis=2)
+    @property
+    def _coefficients(self) -> Array:
+        """(2,) of friction along two tangents, (3,) with that of torsion."""
+        mu, torsion = self.placements.friction, self.placements.torsion
+        return np.array([mu, mu, torsion] if torsion else [mu, mu])
+
+    def _worst(self, u: Array) -> Array:
+        """(K, 3) on the rim of the cones the force that does least work on motions (K, 3 or 4) along its parts."""
+        against = -u[:, 1:] * self._coefficients
+        size = np.linalg.norm(against, axis=1, keepdims=True)
+        out = np.where(size > 0, against / np.where(size > 0, size, 1.0), np.eye(against.shape[1])[0])
+        return np.pad(out, ((0, 0), (0, 3 - out.shape[1])))
+
+    def _edges(self, rims: Array) -> Array:
+        """(K, M, 3 or 4) forces with a normal part of 1, and torsions, on the rim of the cones at (K, M, 3)."""
+        own = self._coefficients
+        return np.concatenate([np.ones((*rims.shape[:2], 1)), own * rims[..., : len(own)]], axis=2)
 
     def _works(self, x: Array, charts: Integers, N: int) -> tuple[Array, Array, Array]:
-        """Centres and sizes of the contacts of N boxes; (S, K, 3, 6 + L) the works of a unit force at points (S, n).
+        """Centres and sizes of the contacts of N boxes; (S, K, 3 or 4, 6 + L) the works of forces of 1 at (S, n).
 
-        Along the normal and two tangents, which differ little at points of one box, the first of which is its middle.
+        Along the normal and two tangents, which differ little at points of one box, the first of which is its middle;
+        of soft fingers of a unit torque about the normal besides.
         """
         posed = self.contacts.at(Interval.of(x), charts, 0)
         surface = self.contacts.sides.object.at(Interval.of(x))
@@ -124,14 +139,20 @@ class VirtualMotions:
         forces = np.stack([normals, first, np.cross(normals, first)], axis=2)  # (S, K, 3, 3)
         arms = (p - center[each][:, None]) / size[each][:, None, None]
         axes = self.contacts.axes(posed, self.moved)
-        speed = np.zeros((len(x), p.shape[1], len(self.moved), 3))
+        speed, turn = np.zeros((2, len(x), p.shape[1], len(self.moved), 3))
         for m, (j, turning) in enumerate(zip(self.moved, self.turning.tolist(), strict=True)):
             along, point = (a.value.mid[:, None] for a in axes[j])
             speed[:, :, m] = np.cross(along, p - point) if turning else np.broadcast_to(along, p.shape)
-        speed *= self.carries[..., None]
-        by_leads = np.einsum("skmx,lm->sklx", speed, self.moves[:, self.moved])
+            turn[:, :, m] = along * turning
+        own = self.moves[:, self.moved]
+        by_leads, turned = (np.einsum("skmx,lm->sklx", a * self.carries[..., None], own) for a in (speed, turn))
         of_joints = -np.einsum("skex,sklx->skel", forces, by_leads)
-        return center, size, np.concatenate([forces, np.cross(arms[:, :, None], forces), of_joints], axis=3)
+        works = np.concatenate([forces, np.cross(arms[:, :, None], forces), of_joints], axis=3)
+        if self.placements.torsion:
+            about = normals / size[each][:, None, None]
+            spins = np.concatenate([0 * about, about, -np.einsum("skx,sklx->skl", normals, turned)], axis=2)
+            works = np.concatenate([works, spins[:, :, None]], axis=2)
+        return center, size, works
 
     def _senses(self, boxes: Boxes) -> tuple[Array, Array]:
         """(N, L) bounds of the leads' motions: a stop, on which a joint may lean, resists without a limit."""

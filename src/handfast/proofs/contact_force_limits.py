@@ -1,13 +1,16 @@
 """How hard a hand can push at its contacts, wherever on its regions these are and however its joints stand.
 
 A virtual motion of some joints, which keeps the couplings, moves the hand's point of a contact by u; n is the normal
-out of the hand. Of a normal force f with friction mu the work is f (n.u - mu |u_t|) at least. It is the work of the
+out of the hand. Of a normal force f with friction mu the work is f (n.u - mu |u_t|) at least, at a soft finger with
+torsion mu_tau whose link turns by omega f (n.u - sqrt(mu^2 |u_t|^2 + mu_tau^2 (omega.n)^2)). It is the work of the
 actuators (virtual work), at most the sum of their limits times their own motions. So
 
     f <= sum of limits times motions / the least of n.u - mu |u_t|
 
 over the region and the joints' ranges, if that is positive, and not negative at any other contact that moves. Tried are
 the outermost joints of each finger: their axes stand in the link of the contact, or in one that few joints are between.
+A state that holds may miss joint torques by 1e-9 of the load (`tolerance`), and f be larger by that times all motions
+of the joints over the same number. How large the load is, is for the question to say.
 
 Nothing limits the force of a contact of the palm; with a joint that may lean on a stop, which carries anything; with a
 motor that has no limit, gearing included, however small its command; where the lever arm may vanish, as of a straight
@@ -17,6 +20,7 @@ finger that pushes along itself.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,11 +37,39 @@ TIGHT = 0.9  # of the least lever arm that was met: a bound that is good enough
 TRIED = 2  # joints of a finger, from the outermost inwards
 
 
-def contact_force_limits(task: TaskData, motors: Motors, friction: float) -> Array:
-    """(K,) [N] upper bounds of the normal forces at the contacts of a task; inf where there is none."""
-    out = np.full(len(task.links), np.inf)
+@dataclass(frozen=True, eq=False)
+class ForceLimits:
+    """Upper bounds of the normal forces at K contacts.
+
+    Attributes:
+        most: (K,) [N]; inf where there is none.
+        turned, slid: (K,) by how much more they may be for each N m that a state misses of the torques of revolute
+            joints, and each N of the forces of prismatic ones.
+    """
+
+    most: Array
+    turned: Array
+    slid: Array
+
+    @classmethod
+    def of(cls, most: Array | float, contacts: int) -> ForceLimits:
+        """That nothing is missed of: one for all contacts, or (K,) of each."""
+        none = np.zeros(contacts)
+        return cls(np.broadcast_to(np.asarray(most, dtype=float), (contacts,)), none, none)
+
+    def up_to(self, most: float) -> ForceLimits:
+        """The lower of these and of one for all contacts."""
+        less = most <= self.most
+        return ForceLimits(
+            np.where(less, most, self.most), np.where(less, 0.0, self.turned), np.where(less, 0.0, self.slid)
+        )
+
+
+def contact_force_limits(task: TaskData, motors: Motors, friction: float, torsion: float = 0.0) -> ForceLimits:
+    """Of the contacts of a task, by what its motors can do; torsion [m] of soft fingers, 0 for point contacts."""
+    out, turned, slid = np.full(len(task.links), np.inf), np.zeros(len(task.links)), np.zeros(len(task.links))
     if not np.isfinite(motors.limits).any():
-        return out
+        return ForceLimits(out, turned, slid)
     anywhere = Interval.between(*task.hand.limits.T)[None]
     for k in range(len(out)):
         for lead in _leads(task, k)[:TRIED]:
@@ -49,11 +81,14 @@ def contact_force_limits(task: TaskData, motors: Motors, friction: float) -> Arr
                 work = float(motors.work(Interval.of(moved[None]), anywhere)[0])
                 if not np.isfinite(work):
                     continue
-                arm = least_arm(task, k, its, friction)
+                arm = least_arm(task, k, its, friction, torsion)
                 others = (i for i in range(len(out)) if i != k and _moved(task, i) & its.keys())
-                if arm > 0 and all(least_arm(task, i, its, friction, enough=0.0) >= 0 for i in others):
-                    out[k] = min(out[k], float((Interval.of(work) / Interval.of(arm)).hi))
-    return out
+                if arm > 0 and all(least_arm(task, i, its, friction, torsion, enough=0.0) >= 0 for i in others):
+                    turns, slides = (np.abs(moved[those]).sum() for those in (task.hand.revolute, ~task.hand.revolute))
+                    most, *missed = (float((Interval.of(x) / Interval.of(arm)).hi) for x in (work, turns, slides))
+                    if most < out[k]:
+                        out[k], (turned[k], slid[k]) = most, missed
+    return ForceLimits(out, turned, slid)
 
 
 def _moved(task: TaskData, contact: int) -> set[int]:
@@ -85,13 +120,21 @@ def _rates(task: TaskData, lead: int) -> dict[int, float]:
 
 
 def least_arm(
-    task: TaskData, contact: int, rates: Mapping[int, float], friction: float, *, enough: float = np.inf
+    task: TaskData,
+    contact: int,
+    rates: Mapping[int, float],
+    friction: float,
+    torsion: float = 0.0,
+    *,
+    enough: float = np.inf,
 ) -> float:
-    """A lower bound of n.u - mu |u_t| over a contact's hand region and the joints' ranges; -inf or less than 0 if none.
+    """A lower bound of n.u - mu |u_t|, or with torsion as above, over a contact's hand region and the joints' ranges.
+
+    -inf or less than 0 if there is none.
 
     By branch and bound, until the bound is `TIGHT`, at least `enough`, or `BOXES` were looked at.
     """
-    arm = LeverArm(task, contact, rates, friction)
+    arm = LeverArm(task, contact, rates, friction, torsion)
     boxes, bounds, least, seen = arm.root[None], np.full(1, -np.inf), np.inf, 0
     while seen < BOXES and bounds.min() < min(TIGHT * least, enough):
         first = np.argsort(bounds, kind="stable")[:BATCH]
@@ -113,10 +156,14 @@ def least_arm(
 
 
 class LeverArm:
-    """n.u - mu |u_t| of a contact, by the two parameters of its hand region and the free joints between."""
+    """n.u - sqrt(mu^2 |u_t|^2 + mu_tau^2 (omega.n)^2) of a contact, by the two parameters of its hand region and the
+    free joints between.
+    """
 
-    def __init__(self, task: TaskData, contact: int, rates: Mapping[int, float], friction: float) -> None:
-        self.task, self.rates, self.friction, hand = task, rates, friction, task.hand
+    def __init__(
+        self, task: TaskData, contact: int, rates: Mapping[int, float], friction: float, torsion: float = 0.0
+    ) -> None:
+        self.task, self.rates, self.friction, self.torsion, hand = task, rates, friction, torsion, task.hand
         region = task.on_hand[contact]
         self.side = ContactSide.of([region], np.array([[0, 1]]), still=False)
         outwards = [(i, j) for i in hand.path(task.links[contact]) for j in (-1, *hand.links[i].joints)]
@@ -135,7 +182,7 @@ class LeverArm:
         at = self.side.at(x[:, :2])
         point, normal = at.point.value[:, 0], at.normal.value[:, 0]
         turned = Interval(np.broadcast_to(Interval.of(np.eye(3)).ends, (N, 3, 3, 2)))
-        shift, u = Interval(np.zeros((N, 3, 2))), Interval(np.zeros((N, 3, 2)))
+        shift, u, omega = (Interval(np.zeros((N, 3, 2))) for _ in range(3))
         # x of a step's frame is turned x + shift in that of the contact's link
         for n, (i, j) in enumerate(self.steps):
             if j < 0:  # inwards past the link's frame
@@ -148,6 +195,7 @@ class LeverArm:
             if rate := self.rates.get(j):
                 about = (turned @ anchor[:, None])[..., 0] + shift
                 u = u + (cross(along, point - about) if hand.revolute[j] else along) * rate
+                omega = omega + along * rate if hand.revolute[j] else omega
             if n == len(self.steps) - 1:
                 break
             by = self.value(j, x) - hand.ref[j]
@@ -159,8 +207,11 @@ class LeverArm:
             else:
                 shift = shift - along * by[:, None]
         pushed = dot(normal, u)
-        slip = sqrt(sqr(u - normal * pushed[:, None]).sum())
-        return pushed - slip * self.friction
+        slip = sqr(u - normal * pushed[:, None]).sum()
+        if not self.torsion:
+            return pushed - sqrt(slip) * self.friction
+        spin = sqr(dot(normal, omega) * self.torsion)
+        return pushed - sqrt(slip * self.friction * self.friction + spin)
 
     def value(self, j: int, x: Interval) -> Interval:
         """(N,) of a joint."""

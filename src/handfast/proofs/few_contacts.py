@@ -1,18 +1,20 @@
 """Shows that few contacts cannot hold an object, wherever on its surface they are: nothing of a search.
 
 Forces f_i in friction cones, and if normal forces are limited within these, have to balance each of some loads alone.
+Soft fingers have a torque about the normal as well, at most the torsion times the normal force; they have friction.
 Four reasons, each for all numbers of contacts below one:
 
 - *opposed*: if forces balance w, and others -w, their sums balance nothing. Without friction the wrenches of n contacts
   that hold loads of both signs that span d dimensions span these by positive combinations: n > d. With friction it
   takes two contacts: forces in one cone add up to 0 only if they are 0.
-- *line*: two contacts and weights of both signs in three directions. Their sums h and -h have no moment, so h is along
-  the line between the contacts, and the weights, which have none about that line, act at a point of it. So both
+- *line*: two point contacts and weights of both signs in three directions. Their sums h and -h have no moment, so h is
+  along the line between the contacts, and the weights, which have none about that line, act at a point of it. So both
   contacts are on a line through the centre of mass, one normal within the friction angle of a direction along it, the
   other of the opposite one. The surface is cut into parts (`solids`) until no two of them allow that.
 - *force*: a contact with a normal force up to f pushes in direction d with no more than f (n.d + mu sqrt(1 - (n.d)^2)).
   What all loads ask for together is no more than the largest sum of that over all normals n, times the contacts. And
-  torques about the centre of mass are at most f sqrt(1 + mu^2) times the distance of the farthest point, from each.
+  torques about the centre of mass are at most f sqrt(1 + mu^2) times the distance of the farthest point, from each, and
+  f times the torsion.
 - *turning*: without friction, where all solids are round about one axis. Then turning about it moves no point of the
   surface along its normal, and if a load has a torque about it, no number of contacts holds that.
 
@@ -68,6 +70,7 @@ class Held:
         solids: the object. center: (3,) [m] its centre of mass.
         loads: (k, 6) [N, N m] at the object's origin, each alone.
         friction: coefficient at every contact. force_limit: [N] largest normal force at one; inf for none.
+        torsion: [m] coefficient of torsional friction at every contact; 0 for point contacts.
     """
 
     solids: tuple[Solid, ...]
@@ -75,6 +78,7 @@ class Held:
     loads: Array
     friction: float
     force_limit: float = np.inf
+    torsion: float = 0.0
 
     def fewest(self) -> Fewest:
         """The most that is shown by any reason."""
@@ -108,7 +112,7 @@ class Held:
         both = self._both()
         if not both.any():
             return Fewest(1)
-        if self.friction:
+        if self.friction or self.torsion:
             return Fewest(2, "opposed")
         force, torque = self.loads[both, :3], self._torques(self.center)[both]
         reach = self._reach if reach is None else reach
@@ -129,7 +133,8 @@ class Held:
             return Fewest(1)
         force, torque = self.loads[:, :3], np.linalg.norm(self._torques(self.center), axis=1)
         size, most = np.linalg.norm(force, axis=1), np.hypot(1.0, self.friction)
-        needed = max(size.max(), torque.max() / self._reach) / most, self._in_all_directions(force, size)
+        arm = self._reach * most + self.torsion
+        needed = max(size.max() / most, torque.max() / arm), self._in_all_directions(force, size)
         n = float(np.ceil(max(needed) / max(self.force_limit, 1e-300) * (1 - MARGIN)))
         return Fewest(int(min(n, 1e9)), "force") if n > 1 else Fewest(1)
 
@@ -150,7 +155,7 @@ class Held:
     # --- the surface ---
 
     def _turning(self) -> Fewest:
-        if self.friction or any(s.kind == "mesh" for s in self.solids):
+        if self.friction or self.torsion or any(s.kind == "mesh" for s in self.solids):
             return Fewest(1)
         at = np.array([s.pose[:3, 3] for s in self.solids])
         apart, torques = at - at[0], self._torques(at[0])
@@ -167,7 +172,7 @@ class Held:
     def _no_line(self) -> bool:
         """Is there no line through the centre of mass along which two contacts can push against each other?"""
         own = [s.parts() for s in self.solids]
-        if not self.friction or any(p is None for p in own):
+        if not self.friction or self.torsion or any(p is None for p in own):
             return False
         parts = SurfaceParts.joined([replace(p, solid=p.solid + k) for k, p in enumerate(own) if p is not None])
         for _ in range(CUTS):
@@ -250,8 +255,8 @@ def _axis(s: Solid) -> Array | None:
 
 WHY = {
     "opposed": "loads of both signs need more contacts than the directions that these span",
-    "line": "two contacts hold a weight from every side only along a line through the centre of mass that is within "
-    "both friction cones, and there is no such line",
+    "line": "two point contacts hold a weight from every side only along a line through the centre of mass that is "
+    "within both friction cones, and there is no such line",
     "force": "the normal forces that are allowed do not add up to the loads",
     "turning": "the object is round about an axis and there is no friction, so that it turns",
 }
@@ -273,12 +278,13 @@ def read_held(f: Fields) -> tuple[Held, tuple[str, ...]]:
     loads = f.object("loads")
     named = {name: loads.numbers(name, (6,)) for name in loads.names()}
     limit = f.number("force_limit", least=0.0) if f.has("force_limit") else np.inf
+    torsion = f.number("torsion", 0.0, least=0.0)
     for name, some in (("solids", solids), ("loads", named)):
         if not some:
             raise BadFile("is empty; at least one is needed", f.at(name))
     center, friction = f.numbers("center_of_mass", (3,)), f.number("friction", least=0.0)
     wrenches = np.array(list(named.values())).reshape(-1, 6)
-    return Held(solids, center, wrenches, friction, limit), tuple(named)
+    return Held(solids, center, wrenches, friction, limit, torsion), tuple(named)
 
 
 def replay(data: Any, place: str = "") -> Replay:
@@ -294,19 +300,22 @@ def replay(data: Any, place: str = "") -> Replay:
     limit = f" and normal forces up to {held.force_limit:g} N" if np.isfinite(held.force_limit) else ""
     shown = found.contacts is None or (contacts is not None and contacts <= found.contacts)
     said = words(Fewest(contacts, found.reason)) if shown else words(Fewest(contacts))
+    limit = f", a torsion of {1e3 * held.torsion:g} mm{limit}" if held.torsion else limit
     claim = f"with a friction of {held.friction:g}{limit}, of {', '.join(names)}: {said}"
     refused = "" if shown else f"shown is only that {words(found)}"
     return Replay("contacts", claim, refused, {"contacts": found.contacts})
 
 
-def replay_of_loads(contacts: int, reach: float, loads: Mapping[str, Array], friction: float, f: Fields) -> Replay:
+def replay_of_loads(
+    contacts: int, reach: float, loads: Mapping[str, Array], friction: float, f: Fields, torsion: float = 0.0
+) -> Replay:
     """The claim that so many contacts, up to `reach` [m] from the origin, cannot hold some loads, (6,) by name.
 
     Raises `BadFile`.
     """
     few = f.whole("fewest_contacts", least=1)
     f.done()
-    found = Held((), np.zeros(3), np.array(list(loads.values())), friction).opposed(reach)
+    found = Held((), np.zeros(3), np.array(list(loads.values())), friction, torsion=torsion).opposed(reach)
     claim = f"{contacts} contacts cannot hold {', '.join(loads)} with a friction of {friction:g}"
     refused = "" if contacts < few <= found.most + 1 else f"shown is only that it takes {found.most + 1:g}"
     return Replay("balance", claim + (f": {WHY[found.reason]}" if found.reason else ""), refused, {"contacts": few})
@@ -326,6 +335,7 @@ def to_json(held: Held, names: Sequence[str], thing: str, fewest: Fewest) -> dic
         "reason": fewest.reason,
         "friction": held.friction,
         "force_limit": held.force_limit if np.isfinite(held.force_limit) else None,
+        **({"torsion": held.torsion} if held.torsion else {}),
         "center_of_mass": held.center.tolist(),
         "loads": {name: w.tolist() for name, w in zip(names, held.loads, strict=True)},
         "solids": solids,

@@ -20,7 +20,7 @@ import numpy as np
 from handfast.proofs import answers
 from handfast.proofs.configurations import check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
-from handfast.proofs.contact_force_limits import contact_force_limits
+from handfast.proofs.contact_force_limits import ForceLimits, contact_force_limits
 from handfast.proofs.convex_solids import SolidsData
 from handfast.proofs.discarded_boxes import replay_no_grasp
 from handfast.proofs.existence import prove
@@ -74,7 +74,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     if none is not None and refused:
         return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
     if none is not None:
-        return _none(none, task, (terms.friction, limits), loads, center, solids, motors)
+        return _none(none, task, terms, limits, loads, center, solids, motors)
     try:
         equations = ContactEquations.of(task)
     except Refused as fault:
@@ -85,7 +85,9 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
         held = max((float(part.figures.get("factor") or 1.0) for part in parts), default=1.0)
         if factor < held:
             refused = refused or f"no placement is said to hold the loads {factor:g} times, and a grasp {held:g} times"
-        part = replay_unbalanced(task.on_object, loads, terms.friction, limits, None, bound, factor)
+        part = replay_unbalanced(
+            task.on_object, loads, terms.friction, limits, None, bound, factor, torsion=terms.torsion
+        )
         parts.append(replace(part, name="bound"))
     return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
 
@@ -93,7 +95,8 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
 def _none(
     f: Fields,
     task: TaskData,
-    forces: tuple[float, Array],
+    terms: _Terms,
+    limits: ForceLimits,
     loads: Mapping[str, Array],
     center: Array | None,
     solids: Fields | None,
@@ -102,15 +105,16 @@ def _none(
     """The claim that there is no grasp.
 
     Args:
-        forces: friction at the contacts, and (K,) [N] limits of their normal forces.
+        limits: of the normal forces at the contacts.
         solids: of hand and object, where the claim needs them.
     """
-    placements = Placements.of(task.on_object, np.array(list(loads.values())), *forces)
+    asked = terms.friction, limits
+    placements = Placements.of(task.on_object, np.array(list(loads.values())), *asked, terms.torsion)
     if f.has("fewest_contacts"):
-        part = replay_of_loads(placements.count, placements.reach, loads, forces[0], f)
+        part = replay_of_loads(placements.count, placements.reach, loads, terms.friction, f, terms.torsion)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     if not f.has("contacts"):
-        part = replay_unbalanced(task.on_object, loads, *forces, center, f)
+        part = replay_unbalanced(task.on_object, loads, *asked, center, f, torsion=terms.torsion)
         return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
     if solids is None:
         raise BadFile("is missing", "question.solids")
@@ -127,10 +131,13 @@ def _same_loads(said: Any, loads: Mapping[str, Array]) -> bool:
 
 
 class _Terms:
-    """What all loads have in common: `friction`, `actuators` that may be commanded, and limits."""
+    """What all loads have in common: `friction`, `torsion`, `actuators` that may be commanded, and limits."""
 
     def __init__(self, f: Fields, actuators: list[str]) -> None:
         self.friction, self.actuators = f.number("friction", least=0.0), f.texts("actuators")
+        self.torsion = f.number("torsion", 0.0, least=0.0)
+        if self.torsion and not self.friction:
+            raise BadFile("is there where friction is 0; a soft finger needs both", f.at("torsion"))
         for name in self.actuators:
             refuse_unknown(name, actuators, "actuator", f.at("actuators"))
         self.eta, self.torque_limits = f.number("eta", least=0.0), f.named("torque_limits")
@@ -142,9 +149,9 @@ class _Terms:
         """What drives the hand, within these limits."""
         return Motors.read(Fields(driven, "motors"), task, self.torque_limits, self.command_limit)
 
-    def force_limits(self, task: TaskData, motors: Motors) -> Array:
-        """(K,) [N] of the normal forces at the contacts, by `force_limit` and by what the motors can do."""
-        return np.minimum(contact_force_limits(task, motors, self.friction), self.force_limit)
+    def force_limits(self, task: TaskData, motors: Motors) -> ForceLimits:
+        """Of the normal forces at the contacts, by `force_limit` and by what the motors can do."""
+        return contact_force_limits(task, motors, self.friction, self.torsion).up_to(self.force_limit)
 
 
 def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | None]:
@@ -185,6 +192,8 @@ def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping
     parts, refused = [check_configuration(equations, existence)], equations.task.misplaced(joints, existence.joints)
     if (grasp.mu != terms.friction).any():
         refused = refused or f"friction at its contacts is not {terms.friction:g}"
+    if (grasp.lever != (terms.torsion / terms.friction if terms.torsion else 0.0)).any():
+        refused = refused or f"torsion at its contacts is not {terms.torsion:g} m"
     commanded = [a for a, value in zip(grasp.actuators, grasp.command.tolist(), strict=True) if value]
     wrong = [a for a in commanded if a not in terms.actuators and set(terms.actuators) & set(grasp.actuators)]
     if wrong:

@@ -10,14 +10,20 @@ in balance (Farkas' lemma). The load may be a sum of several with weights that a
 of them, they balance the sum. A twist may be constant in a box of placements, or that of turning about the line through
 two contacts, wherever these are: both then rest, and only the others have to meet the first condition.
 
+A soft finger resists torsion, too: |c_t|^2 / mu^2 + tau^2 / mu_tau^2 <= c_n^2. The least work of its forces is that of
+c_n times n.u - sqrt(mu^2 |u_t|^2 + mu_tau^2 (omega.n)^2), which takes the place of n.u - mu |u_t| everywhere: with the
+lever mu_tau / mu the turning about the normal is one more component of u_t. Contacts on the line about which the object
+turns do not rest then; they do not move, but turn.
+
 Where the normal force at a contact is at most f, the first condition may be missed there: forces then do no less work
-than -f (mu |u_t| - n.u), and the load has to do more than all of these. Of a sum of loads f counts as often as all of
+than -f (mu |u_t| - n.u), and the load has to do more than all of these. Where motors limit f, a state that holds may
+miss joint torques, and f is larger by what that makes (`ForceLimits`). Of a sum of loads f counts as often as all of
 them: the sum of what balances each, by its weight, is no larger. So there is a factor on the loads from which on a
 twist refutes a box: the proof with a factor says that no placement holds the loads so many times, or more.
 
 The twist may come with motions of the hand's joints, where it is known how the hand stands (`HandMotion`). With u the
-motion of the object relative to the hand's point, the load then has to do more work than motors and what else holds the
-joints can do against them (equation (2), virtual work).
+motion of the object relative to the hand's point, and omega its turning relative to the link, the load then has to do
+more work than motors and what else holds the joints can do against them (equation (2), virtual work).
 
 A proof is a tree of boxes, halved until each has such a twist. Every box is checked in interval arithmetic. The
 load may be missed by as much as a state that holds may miss it (`tolerance`).
@@ -31,6 +37,7 @@ from typing import Any
 
 import numpy as np
 
+from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
 from handfast.proofs.intervals import Dual, Interval, cross, dot, join, sqr, sqrt, unit
 from handfast.proofs.regions import ContactSide, RegionData
@@ -178,6 +185,14 @@ class HandMotion:
         none = point[..., 0, :] * 0.0
         return join([sum(each, none)[..., None, :] for each in parts], -2)
 
+    def turning(self, contacts: int, none: Dual, *, middle: bool) -> Dual:
+        """(N, K, 3) [rad/s] of the links of the K contacts, as far as joints turn them; none: (N, 3) of zeros."""
+        parts: list[list[Dual]] = [[] for _ in range(contacts)]
+        for joint in self.middle if middle else self.joints:
+            for k in joint.contacts if joint.revolute else ():
+                parts[k].append(joint.axis * joint.rates[:, None])
+        return join([sum(each, none)[..., None, :] for each in parts], -2)
+
 
 def _some_joint(joint: MovedJoint, its: Integers) -> MovedJoint:
     axis, anchor = (Dual(a.value[its], Interval(a.slope.ends[:, its])) for a in (joint.axis, joint.anchor))
@@ -204,16 +219,25 @@ class Placements:
     Attributes:
         side: the regions. root: (2 K, 2) the whole range of the parameters, two for each contact.
         loads: (k, 6) forces [N] and torques [N m] at the object's origin. friction: coefficient at every contact.
-        force_limits: (K,) [N] largest normal force at each contact; inf for none.
+        limits: of the normal force at each contact.
+        torsion: [m] coefficient of torsional friction at every contact; 0 for point contacts.
         factor: so many times each load is to be balanced.
+
+    Raises:
+        ValueError: torsion without friction.
     """
 
     side: ContactSide
     root: Array
     loads: Array
     friction: float
-    force_limits: Array
+    limits: ForceLimits
+    torsion: float = 0.0
     factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.torsion and not self.friction:
+            raise ValueError("soft fingers need friction")
 
     @classmethod
     def of(
@@ -221,15 +245,16 @@ class Placements:
         regions: Sequence[RegionData],
         loads: Array,
         friction: float,
-        force_limits: Array | float = np.inf,
+        force_limits: ForceLimits | Array | float = np.inf,
+        torsion: float = 0.0,
         factor: float = 1.0,
     ) -> Placements:
         """Of the object regions of a task; one limit of forces for all contacts, or (K,) of each."""
         columns = np.arange(2 * len(regions)).reshape(-1, 2)
         root = np.concatenate([region.ends for region in regions])
         side = ContactSide.of(regions, columns, still=False)
-        limits = np.broadcast_to(np.asarray(force_limits, dtype=float), (len(regions),))
-        return cls(side, root, np.asarray(loads, dtype=float), friction, limits, factor)
+        limits = force_limits if isinstance(force_limits, ForceLimits) else ForceLimits.of(force_limits, len(regions))
+        return cls(side, root, np.asarray(loads, dtype=float), friction, limits, torsion, factor)
 
     @property
     def count(self) -> int:
@@ -241,6 +266,16 @@ class Placements:
         """[m] from the object's origin to the farthest point of the regions, at least."""
         everywhere = self.side.over(Interval.between(*self.root.T[:, None]))
         return float(np.linalg.norm(everywhere.point.value.mag, axis=-1).max())
+
+    @property
+    def force_limits(self) -> Array:
+        """(K,) [N] largest normal force at each contact; inf for none."""
+        return self.limits.most
+
+    @property
+    def lever(self) -> float:
+        """[m] torsional friction over friction, rounded upwards; 0 for point contacts."""
+        return self.torsion / self.friction * MORE if self.torsion else 0.0
 
     @property
     def limited(self) -> Mask:
@@ -310,62 +345,56 @@ class Placements:
             omega = second - first
             v = cross(first, omega)
         u = v[..., None, :] + cross(omega[..., None, :], point)
+        spin = omega[..., None, :]
         if hand is not None:
             u = u - hand.velocity(point, about, middle=not n)
+            spin = spin - hand.turning(point.value.shape[1], point[..., 0, :] * 0.0, middle=not n)
+        moving = {k for joint in hand.joints for k in joint.contacts} if hand else {}
+        rest = [k for k in line if k >= 0 and k not in moving]
+        if rest and self.torsion:  # exactly
+            u = u * np.where(np.isin(np.arange(point.value.shape[1]), rest), 0.0, 1.0)[:, None]
         work = dot(v, Dual.constant(force, n)) + dot(omega, Dual.constant(torque, n))
         pushed = dot(-normal, u)
-        missed = self._missed(point.value, about, (v.value, omega.value), motions.weights, line, hand)
-        moving = {k for joint in hand.joints for k in joint.contacts} if hand else {}
-        rest = [k for k in line if k not in moving]
+        scales = self._scales(point.value, about, motions.weights)
+        missed = scales.missed((v.value, omega.value), line, hand)
+        rest = [] if self.torsion else rest
         bounded, free = (
             [k for k in np.flatnonzero(these).tolist() if k not in rest] for these in (self.limited, ~self.limited)
         )
         resisted, cones = None, None
+        twisted = sqr(dot(normal, spin) * self.lever) if self.torsion else None
         together = Interval.of(motions.weights).sum()  # forces of each load, by its weight, add up to as much
         if bounded:
-            slip = sqrt(sqr(u + pushed[..., None] * normal).sum())
-            most = sqrt(sqr(u.value).sum()).hi * (np.hypot(1.0, self.friction) * MORE)  # whatever the normal is
-            short = _positive(slip * self.friction - pushed, most)[..., bounded]
+            slip, whole = sqr(u + pushed[..., None] * normal).sum(), sqr(u.value).sum()
+            if twisted is not None:
+                slip, whole = slip + twisted, whole + sqr(sqrt(sqr(spin.value).sum()) * self.lever)
+            most = sqrt(whole).hi * (np.hypot(1.0, self.friction) * MORE)  # whatever the normal is
+            short = _positive(sqrt(slip) * self.friction - pushed, most)[..., bounded]
+            missed = missed + scales.of_forces(short.value.hi, self.limits, bounded)
             resisted = (short * self.force_limits[bounded]).sum() * Dual.constant(together, n)
         if hand is not None:
             by_motors = Dual.constant(Interval.of(hand.resisted) * together, n)
             resisted = by_motors if resisted is None else resisted + by_motors
         if free:
-            its = pushed[..., free]
-            cones = its - sqrt(sqr(u[..., free, :]).sum()) * self.sine if self.friction else its
+            its, size = pushed[..., free], sqr(u[..., free, :]).sum()
+            size = size if twisted is None else size + twisted[..., free]
+            cones = its - sqrt(size) * self.sine if self.friction else its
         return _Works(work, resisted, cones, missed)
 
-    def _missed(
-        self,
-        p: Interval,
-        about: Array,
-        twist: tuple[Interval, Interval],
-        weights: Array,
-        line: tuple[int, int],
-        hand: HandMotion | None,
-    ) -> Array:
-        """(N,) an upper bound of the work of what a state may miss of load and joint torques, see `tolerance`.
+    def _scales(self, p: Interval, about: Array, weights: Array) -> _Scales:
+        """Of the loads, by their weights, at contacts p (N, K, 3), which are given from points (N, 3).
 
-        Contacts p are given from points (N, 3), of which v in the twist is the velocity. The torque of a load is about
-        the centroid c of the contacts, their size the largest distance from it. Of a single contact, which has no size,
-        it is the same share of the force and of the torque about the contact.
+        The torque of a load is about the centroid c of the contacts, their size the largest distance from it. Of a
+        single contact, which has no size, it is the same share of the force and of the torque about the contact.
         """
-        (v, omega), c = twist, p.swapped().sum() / float(p.shape[1])
+        c = p.swapped().sum() / float(p.shape[1])
         away = sqrt(sqr(p - c[..., None, :]).sum())
         smallest, largest = away.lo.max(axis=1), away.hi.max(axis=1)
         force, torque = Interval.of(self.loads[:, :3]), Interval.of(self.loads[:, 3:])
         each = force, torque - cross((c + about)[:, None], force)  # (k, 3), (N, k, 3)
         f, moment = ((weights * sqrt(sqr(a).sum()).hi).sum(axis=1) * (1 + weights.shape[1] * 1e-14) for a in each)
-        moves, turns = (sqrt(sqr(a).sum()).hi for a in (v + cross(omega, c), omega))
-        if p.shape[1] == 2 and line[0] >= 0:
-            moves = np.zeros(len(moves))  # the centroid is on the line
         of_force = f if p.shape[1] == 1 else f + moment / smallest
-        missed = np.where(moves > 0, of_force * moves, 0.0) + (f * largest + moment) * turns
-        if hand is not None:  # a single contact has no size
-            missed = missed + np.where(hand.slid > 0, of_force * hand.slid, 0.0) + (f * largest + moment) * hand.turned
-            missed = missed if p.shape[1] > 1 else np.full(len(missed), np.inf)
-        missed = EPS * missed * MORE**8
-        return np.where(np.maximum(f, moment) > LEAST, missed, np.inf)
+        return _Scales(c, of_force, f * largest + moment, p.shape[1], np.maximum(f, moment) > LEAST)
 
     def line_distance(self, center: Array) -> float:
         """[m] what a point (3,) is at least away from the line through two contacts, wherever these are.
@@ -407,6 +436,57 @@ class Placements:
         at = self.side.spread(self.side.over(x).point, x.shape[1])
         first, second = (at[..., k, :] for k in (0, 1))
         return cross(first - center, unit(second - first))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scales:
+    """How large the loads of N boxes are; a state that holds may miss `EPS` of that, see `tolerance`.
+
+    Attributes:
+        center: (N, 3) centroid of the contacts.
+        force, torque: (N,) [N, N m] upper bounds of their scale, and of it times the contacts' size.
+        contacts: K. enough: (N,) are they large enough that anything is proved of them?
+    """
+
+    center: Interval
+    force: Array
+    torque: Array
+    contacts: int
+    enough: Mask
+
+    def missed(self, twist: tuple[Interval, Interval], line: tuple[int, int], hand: HandMotion | None) -> Array:
+        """(N,) an upper bound of the work of what a state misses of load and joint torques; v in the twist is that of
+        the points from which the contacts are given.
+        """
+        v, omega = twist
+        moves, turns = (sqrt(sqr(a).sum()).hi for a in (v + cross(omega, self.center), omega))
+        if self.contacts == 2 and line[0] >= 0:
+            moves = np.zeros(len(moves))  # the centroid is on the line
+        missed = np.where(moves > 0, self.force * moves, 0.0) + self.torque * turns
+        missed = np.where(self.enough, EPS * missed * MORE**8, np.inf)
+        return missed if hand is None else missed + self.of_joints(hand.turned, hand.slid)
+
+    def of_joints(self, turned: Array, slid: Array) -> Array:
+        """The most that is missed of the torques of joints, as work on motions of revolute and of prismatic ones.
+
+        turned, slid: sums of their sizes, (N,) or one for all boxes.
+        """
+        if self.contacts == 1:  # it has no size
+            return np.where(np.asarray(turned + slid) > 0, np.inf, np.zeros(len(self.force)))
+        of_slides, of_turns = (
+            np.where(motions > 0, each * motions, 0.0) for each, motions in ((self.force, slid), (self.torque, turned))
+        )
+        return EPS * (of_slides + of_turns) * MORE**8
+
+    def of_forces(self, short: Array, limits: ForceLimits, contacts: Sequence[int]) -> Array:
+        """(N,) the most that forces beyond their limits do, for what is missed of joint torques, where they fall short
+        by (N, c) of the first condition at some contacts.
+        """
+        out = np.zeros(len(short))
+        for column, k in enumerate(contacts):
+            more = self.of_joints(limits.turned[k], limits.slid[k])
+            out += np.where((more > 0) & (short[:, column] > 0), short[:, column] * more, 0.0)
+        return out * MORE**8
 
 
 @dataclass(frozen=True, eq=False)
@@ -558,16 +638,18 @@ def replay_unbalanced(
     regions: Sequence[RegionData],
     loads: Mapping[str, Array],
     friction: float,
-    force_limits: Array | float,
+    force_limits: ForceLimits | Array | float,
     center: Array | None,
     f: Fields,
     factor: float = 1.0,
+    torsion: float = 0.0,
 ) -> Replay:
     """The claim that no contact forces balance all of some loads, each alone, wherever the contacts are.
 
     Args:
         regions: of the object, one for each contact. loads: (6,) by name.
         force_limits: [N] largest normal force at any contact, or (K,) at each; inf for none.
+        torsion: [m] of soft fingers; 0 for point contacts.
         center: (3,) the object's centre of mass if its distance from the line through two contacts is wanted.
         factor: that so many times these loads are not balanced, nor more.
 
@@ -576,14 +658,14 @@ def replay_unbalanced(
     """
     names = list(loads)
     tree = UnbalancedTree.read(f, names, len(regions))
-    placements = Placements.of(regions, np.array(list(loads.values())), friction, force_limits, factor)
+    placements = Placements.of(regions, np.array(list(loads.values())), friction, force_limits, torsion, factor)
     used = [name for i, name in enumerate(names) if tree.motions.weights[:, i].any()]
     each = placements.force_limits.tolist()
     most = f"{each[0]:g}" if len(set(each)) == 1 else ", ".join(f"{x:.4g}" if np.isfinite(x) else "any" for x in each)
     limit = f" and normal forces up to {most} N" if placements.limited.any() else ""
-    claim = (
-        f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g}{limit} no contact "
-    )
+    soft = f", a torsion of {1e3 * torsion:g} mm" if torsion else ""
+    claim = f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g}{soft}{limit} "
+    claim += "no contact "
     times = "" if factor == 1 else f"{up(factor)} times or more "
     claim += f"forces balance {times}{'all of ' if len(used) > 1 else ''}{', '.join(used)}"
     figures: dict[str, Figure] = {"boxes": len(tree.entries)}

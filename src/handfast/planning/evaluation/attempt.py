@@ -109,8 +109,8 @@ class Attempts:
     @cached_property
     def held(self) -> Held:
         """The object and what is to be held, for what it takes whatever the hand."""
-        limit = self.options.limits.force_limit
-        return held_by_contacts(self.body, self.loads, np.inf if limit is None else limit)
+        limit, torsion = self.options.limits.force_limit, self.options.torsion
+        return held_by_contacts(self.body, self.loads, np.inf if limit is None else limit, torsion=torsion)
 
     @cached_property
     def fewest(self) -> Fewest:
@@ -129,7 +129,8 @@ class Attempts:
         others = vars(o.limits) | {"palm": self.palm, "sampling": o.sampling}
         if o.limits.loading == "together":
             del others["loading"]
-        others |= {name: getattr(o, name) for name in ("ignored", "simulate", "contacts") if getattr(o, name)}
+        named = "ignored", "simulate", "contacts", "torsion"
+        others |= {name: getattr(o, name) for name in named if getattr(o, name)}
         others |= {"surroundings": o.surroundings.numbers} if o.surroundings else {}
         return fingerprint(self.hand, self.body, self.loads, o.seed, **others)
 
@@ -263,6 +264,7 @@ class Runner:
         """The grasp of a closed hand with some of its contacts."""
         a = self.asked
         name = f"{a.hand.name} on {a.body.name}"
+        contacts = [replace(c, torsion=a.options.torsion) for c in contacts] if a.options.torsion else contacts
         return of_body(grasp_of(a.hand, closed.q, contacts, pose, name=name), a.hand, a.body)
 
     def _closed(self, q: Array, pose: Array) -> tuple[Closed, Array]:

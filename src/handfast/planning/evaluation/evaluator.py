@@ -21,7 +21,7 @@ from handfast.geometry.curvature import rim_depth
 from handfast.geometry.dexterity import Dexterity, dexterity
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.filters.balance import CIRCUMSCRIBED, friction_margin, imbalance
+from handfast.planning.filters.balance import circumscribed, friction_margin, imbalance
 from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.question import Allowed
 from handfast.planning.search import RejectionReason
@@ -32,7 +32,7 @@ from handfast.synthesis.task_problem import TaskProblem
 
 DEEP = 0.01  # [m] of penetration that costs 1
 NEAR = 1e-3  # [m] distances beyond this are not looked at in the search
-SHARES = (CIRCUMSCRIBED, 1.0, 0.6)  # of the friction: loads must balance with the first, should with the others
+SHARES = (1.0, 0.6)  # of the friction with which loads should balance, beside that with which they must
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +69,17 @@ class Evaluator:
     """Turns certified configurations of one task into candidates."""
 
     def __init__(
-        self, problem: TaskProblem, collisions: Collisions, loads: Loads, friction: float, allowed: Allowed
+        self,
+        problem: TaskProblem,
+        collisions: Collisions,
+        loads: Loads,
+        friction: float,
+        allowed: Allowed,
+        torsion: float = 0.0,
     ) -> None:
         self.problem, self.task, self.collisions = problem, problem.task, collisions
-        self.loads, self.friction, self.allowed = loads, friction, allowed
+        self.loads, self.friction, self.torsion, self.allowed = loads, friction, torsion, allowed
+        self.shares = (circumscribed(soft=torsion > 0), *SHARES)
         self.fingers = NonContactingFingers(self.task, collisions)
         self.evaluated = 0
 
@@ -80,9 +87,9 @@ class Evaluator:
         """The candidate of a configuration; None if its cost is not below what is asked."""
         self.evaluated += 1
         solution = Solution.of(self.task, certified.existence(self.problem))
-        contacts = contacts_at(solution, self.friction)
+        contacts = contacts_at(solution, self.friction, self.torsion)
         alone = Grasp(contacts)  # statics asks for no joints
-        shares = [float(imbalance(alone, self.loads.wrenches, f).max()) for f in SHARES]
+        shares = [float(imbalance(alone, self.loads.wrenches, f).max()) for f in self.shares]
         if sum(shares[1:]) >= below:
             return None
         requested = requests(solution)
@@ -128,12 +135,13 @@ def requests(solution: Solution) -> list[Requested]:
     ]
 
 
-def contacts_at(solution: Solution, friction: float) -> tuple[Contact, ...]:
-    """The certified contacts, object frame."""
+def contacts_at(solution: Solution, friction: float, torsion: float = 0.0) -> tuple[Contact, ...]:
+    """The certified contacts, object frame; torsion: [m] of soft fingers."""
     R, p = solution.pose[:3, :3], solution.pose[:3, 3]
     points, normals = (solution.points - p) @ R, solution.normals @ R
     links = [pair.link for pair in solution.task.contact_pairs]
-    return tuple(Contact(x, n, friction, link) for x, n, link in zip(points, normals, links, strict=True))
+    how = {"torsion": torsion}
+    return tuple(Contact(x, n, friction, link, **how) for x, n, link in zip(points, normals, links, strict=True))
 
 
 def grasp_at(solution: Solution, q: Array, contacts: Sequence[Contact]) -> Grasp:

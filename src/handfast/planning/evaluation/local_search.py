@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from handfast.core.answer import Verdict
-from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
 from handfast.planning.evaluation.preload_search import held, held_again
 from handfast.planning.evaluation.steps import GraspRefinement, LineBalance, Steps
-from handfast.planning.filters.balance import CIRCUMSCRIBED, least_load_factor
+from handfast.planning.filters.balance import least_load_factor
 from handfast.planning.question import Requirements
 from handfast.planning.search import RejectionReason, Tally, UnitResult, of_verdict
+from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.stability.answers import CheckAnswer, check
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, moderate
@@ -95,11 +95,10 @@ class LocalSearch:
         requirements: Requirements,
         seconds_left: float = np.inf,
         best: str | None = None,
-        force_limits: Array | None = None,
+        force_limits: ForceLimits | None = None,
     ) -> None:
         self.evaluator, self.seed, self.requirements, self.best = evaluator, seed, requirements, best
-        unlimited = np.full(len(evaluator.task.contact_pairs), np.inf)
-        self.force_limits = unlimited if force_limits is None else force_limits
+        self.force_limits = force_limits or ForceLimits.of(np.inf, len(evaluator.task.contact_pairs))
         self.starts = Starts(evaluator.problem, seed)
         self.walks = Walks(self.starts)
         self.line = LineBalance(self.walks, evaluator.loads)
@@ -126,7 +125,7 @@ class LocalSearch:
         starts, tally, found = self.starts, Tally(), list[tuple[GraspCandidate, bool, HoldAnswer]]()
         starts.block, starts.count, starts.unproved = number, number * BLOCK, 0
         steps = Steps(self.evaluator, self.walks, np.random.default_rng([self.seed, number, 2]))
-        limited = self.best is not None and np.isfinite(self.force_limits).any()
+        limited = self.best is not None and np.isfinite(self.force_limits.most).any()
         refinement = GraspRefinement(self.evaluator, steps, self.factor_of_forces if limited else None)
         before = self.evaluator.evaluated
         raw = sorted(self.candidates(starts.run(RAW)), key=_cost)
@@ -168,9 +167,21 @@ class LocalSearch:
         return now, said
 
     def candidates(self, found: Iterable[Certified], below: float = np.inf) -> list[GraspCandidate]:
-        """Those whose cost is below what is asked; two contacts where the load has no moment about their line."""
-        balanced = map(self.line.balanced, found)
-        return [c for c in (self.evaluator.candidate(f, below) for f in balanced) if c]
+        """Those whose cost is below what is asked; two contacts where the load has no moment about their line, soft
+        fingers, which may hold one, where they are as well.
+        """
+        soft, tried = self.evaluator.torsion > 0, list[Certified]()
+        for one in found:
+            balanced = self.line.balanced(one)
+            tried += [one] if soft and balanced is not one else []
+            tried.append(balanced)
+        return [c for c in (self.evaluator.candidate(f, below) for f in tried) if c]
+
+    def candidate(self, certified: Certified) -> GraspCandidate:
+        """A configuration as it is."""
+        found = self.evaluator.candidate(certified)
+        assert found is not None  # of any cost
+        return found
 
     def judged(self, candidate: GraspCandidate) -> HoldAnswer | RejectionReason:
         """The answer with a preload that holds every load, or why there is none."""
@@ -191,10 +202,14 @@ class LocalSearch:
         return held(grasp, loads if factor == 1 else loads.scaled(factor), r, SETTINGS, **how)
 
     def factor_of_forces(self, c: GraspCandidate, friction: float = 1.0) -> float:
-        """How many times forces alone can hold the loads at a candidate's contacts; friction: factor on it."""
+        """How many times forces alone can hold the loads at a candidate's contacts.
+
+        friction: factor on it and on torsion.
+        """
         p, n = (np.array([getattr(contact, name) for contact in c.contacts]) for name in ("position", "normal"))
         e = self.evaluator
-        return least_load_factor(p, n, friction * e.friction, self.force_limits, e.loads.wrenches)
+        limits, loads, torsion = self.force_limits.most, e.loads.wrenches, friction * e.torsion
+        return least_load_factor(p, n, friction * e.friction, limits, loads, torsion=torsion)
 
     def strengths(self, found: Sequence[tuple[GraspCandidate, bool, HoldAnswer]]) -> tuple[Improved, ...]:
         """What a unit found; where the largest loads are asked for, these of the grasps whose forces can do most."""
@@ -219,7 +234,7 @@ class LocalSearch:
         """The largest factor on the loads that is found to hold: the answers under one preload, to the loads themselves
         and to so many times these. By bisection up to what forces alone can do.
         """
-        low, high = 1.0, self.factor_of_forces(c, CIRCUMSCRIBED)
+        low, high = 1.0, self.factor_of_forces(c, self.evaluator.shares[0])
         answer, best = first, Strength(1.0, first.checks)
         for k in range(QUESTIONS):
             if self.late() or high < CLOSE * low:
@@ -244,7 +259,7 @@ class LocalSearch:
 
     def proof(self, certified: Certified) -> HoldAnswer:
         """The least preload that is found for a grasp that holds."""
-        (c,) = self.candidates([certified])
+        c = self.candidate(certified)
         answer = self.answer(c.grasp, least=True, timeout=LEAST)
         if answer.verdict is not Verdict.HOLDS:  # the short way found one
             answer = self.answer(c.grasp, least=False, timeout=None)
@@ -262,10 +277,10 @@ class LocalSearch:
         Raises:
             InputError: it is no grasp of this question, or does not hold.
         """
-        candidates = self.candidates([certified])
-        if not (candidates and candidates[0].possible):
+        candidate = self.candidate(certified)
+        if not candidate.possible:
             raise InputError("collides, or cannot balance a load", field=field)
-        grasp = candidates[0].grasp
+        grasp = candidate.grasp
         grasp = grasp.with_preload(grasp.mechanism.commands(known[0], field=f"{field}.preload"))
         answer = held_again(grasp, self.evaluator.loads, self.requirements, SETTINGS, known, nodes)
         if answer is None:

@@ -7,6 +7,8 @@ A load is asked of a grasp; a squeeze, of points that are to be touched, before 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from handfast.core.arrays import Array
@@ -16,12 +18,38 @@ from handfast.proofs.few_contacts import Held
 from handfast.proofs.solids import Solid
 from handfast.stability.problem.loads import Loads
 
-EDGES = 8  # of the pyramid in each friction cone
+EDGES = 8  # of the pyramid in each friction cone, of a soft finger on each circle of latitude
+LATITUDES = (0.0, 45.0, -45.0)  # [deg] of those circles; the poles are edges, too
 BALANCED = 1e-6  # share of a wrench below which it counts as balanced
 SEPARATED = 1e-9  # of what is missing: a force along an edge that helps more than this shows that it was not all tried
-CIRCUMSCRIBED = 1 / np.cos(np.pi / EDGES)  # factor on the friction with which the pyramids hold the cones
 POINT = 1e-9  # [m] contacts that are no further apart, or a single one from the origin, give torques no unit
 LEAST_PUSH = 0.08  # of the squeezing force: a point that would carry less is left out of the first look
+
+# --- pyramids ---------------------------------------------------------------------------------------
+
+
+def rim(edges: int = EDGES, *, soft: bool = False) -> Array:
+    """(M, 3) where the edges of a pyramid in a cone with a normal force of 1 are: two tangents and torsion, each over
+    its coefficient. Unit vectors: on a circle, of soft fingers on a sphere.
+    """
+    angle = 2 * np.pi / edges * np.arange(edges)
+    around = np.stack([np.cos(angle), np.sin(angle), np.zeros(edges)], axis=1)
+    if not soft:
+        return around
+    heights = np.radians(LATITUDES)
+    circles = [np.cos(h) * around + [0.0, 0.0, np.sin(h)] for h in heights]
+    return np.vstack([*circles, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+
+
+@lru_cache
+def circumscribed(edges: int = EDGES, *, soft: bool = False) -> float:
+    """The factor on friction and torsion with which the pyramids hold the cones."""
+    from scipy.spatial import ConvexHull
+
+    if not soft:
+        return float(1 / np.cos(np.pi / edges))
+    return float(-1 / ConvexHull(rim(edges, soft=True)).equations[:, -1].max()) * (1 + 1e-12)
+
 
 # --- loads ------------------------------------------------------------------------------------------
 
@@ -30,12 +58,12 @@ def imbalance(grasp: Grasp, wrenches: Array, friction: float = 1.0) -> Array:
     """(k,) share of each wrench (k, 6) that no forces within the friction cones balance: 0 none, 1 all of it.
 
     Torques are divided by the grasp's size, by 1 m if that is below `POINT`. The cones are inscribed pyramids of 8
-    edges. Where it is not 0, what is missing separates the wrench from all that such forces make (Farkas), which is
-    checked.
+    edges, those of soft fingers of 26. Where it is not 0, what is missing separates the wrench from all that such
+    forces make (Farkas), which is checked.
 
     Args:
-        friction: factor on every coefficient: what is left with half the friction is a margin; with `CIRCUMSCRIBED`
-            the pyramids hold the cones.
+        friction: factor on every coefficient, torsion included: what is left with half the friction is a margin; with
+            `circumscribed` the pyramids hold the cones.
     """
     from scipy.optimize import nnls
 
@@ -55,7 +83,7 @@ def balances(grasp: Grasp, wrenches: Array) -> bool:
 
     Necessary for every passive resistance; that they cannot is shown, see `imbalance`.
     """
-    return not imbalance(grasp, wrenches, CIRCUMSCRIBED).any()
+    return not imbalance(grasp, wrenches, circumscribed(soft=len(grasp.soft) > 0)).any()
 
 
 def friction_margin(grasp: Grasp, wrenches: Array) -> float:
@@ -76,22 +104,29 @@ def friction_margin(grasp: Grasp, wrenches: Array) -> float:
 
 
 def _edges(grasp: Grasp, friction: float) -> tuple[Array, Array]:
-    """(6, 8 m) unit wrenches of forces along the edges of the pyramids; (6,) the scale that they are in."""
-    scale = np.array([1.0] * 3 + [1 / grasp.size if grasp.size > POINT else 1.0] * 3)
-    angle = 2 * np.pi * np.arange(EDGES) / EDGES
-    rays = np.array([np.ones(EDGES), np.cos(angle), np.sin(angle)])
-    scaled = rays[None] * (np.array([0.0, 1.0, 1.0])[:, None] * friction * grasp.mu[:, None, None])
-    scaled[:, 0] = 1.0
+    """(6, M) unit wrenches of forces along the edges of the pyramids; (6,) the scale that they are in."""
+    scale, soft = np.array([1.0] * 3 + [1 / grasp.size if grasp.size > POINT else 1.0] * 3), grasp.soft
     G = (scale[:, None] * grasp.G).reshape(6, -1, 3)
-    A = np.einsum("wmi,mie->wme", G, scaled).reshape(6, -1)
+    hard = np.delete(np.arange(grasp.m), soft)
+    parts = []
+    for its, edges in ((hard, rim()), (soft, rim(soft=True))):
+        rays = np.concatenate([np.ones((1, len(its), len(edges))), np.zeros((2, len(its), len(edges)))])
+        rays[1:] = edges[:, :2].T[:, None] * (friction * grasp.mu[its])[:, None]
+        parts.append(np.einsum("wmi,ime->wme", G[:, its], rays))
+    torsion = scale[:, None] * grasp.twist_map * (friction * grasp.mu[soft])  # over the lever, as `twist_map` takes it
+    parts[1] = parts[1] + torsion[..., None] * rim(soft=True)[:, 2]
+    A = np.concatenate([part.reshape(6, -1) for part in parts], axis=1)
     return A / np.linalg.norm(A, axis=0), scale
 
 
-def held_by_contacts(body: Body, loads: Loads, force_limit: float = np.inf, friction: float | None = None) -> Held:
+def held_by_contacts(
+    body: Body, loads: Loads, force_limit: float = np.inf, friction: float | None = None, torsion: float = 0.0
+) -> Held:
     """An object and loads, to ask how many contacts on its surface they take at least: `Held.fewest`.
 
     Args:
         force_limit: [N] largest normal force at a contact. friction: coefficient; None for the object's.
+        torsion: [m] of soft fingers; 0 for point contacts.
     """
     none = np.zeros((0, 3))
     solids = [
@@ -101,14 +136,21 @@ def held_by_contacts(body: Body, loads: Loads, force_limit: float = np.inf, fric
         for s in body.pieces
     ]
     center, mu = np.asarray(body.center_of_mass, dtype=float), body.friction if friction is None else friction
-    return Held(tuple(solids), center, loads.wrenches, mu, force_limit)
+    return Held(tuple(solids), center, loads.wrenches, mu, force_limit, torsion)
 
 
 # --- limited forces --------------------------------------------------------------------------------
 
 
 def least_load_factor(
-    points: Array, normals: Array, friction: float, limits: Array, loads: Array, *, least: float = 0.0
+    points: Array,
+    normals: Array,
+    friction: float,
+    limits: Array,
+    loads: Array,
+    *,
+    least: float = 0.0,
+    torsion: float = 0.0,
 ) -> float:
     """The largest factor at which forces in inscribed pyramids balance every load (k, 6), each alone; see below.
 
@@ -116,14 +158,20 @@ def least_load_factor(
     """
     found = np.inf
     for load in loads:
-        found = min(found, load_factor(points, normals, friction, limits, load)[0])
+        found = min(found, load_factor(points, normals, friction, limits, load, torsion=torsion)[0])
         if found <= least:
             break
     return found
 
 
 def load_factor(
-    points: Array, normals: Array, friction: float, limits: Array, load: Array, edges: int = EDGES
+    points: Array,
+    normals: Array,
+    friction: float,
+    limits: Array,
+    load: Array,
+    edges: int = EDGES,
+    torsion: float = 0.0,
 ) -> tuple[float, Array]:
     """The largest factor at which contact forces balance a load (6,), and the twist (6,) of the object that shows it.
 
@@ -132,15 +180,15 @@ def load_factor(
 
     Args:
         points, normals: (K, ..., 3) [m], inward; forces of a contact with several may be at any of them.
-        friction: coefficient; the cones are inscribed pyramids of so many edges.
-        limits: (K,) [N] of the normal forces, inf for none.
+        friction: coefficient; the cones are inscribed pyramids of so many edges (`rim`).
+        torsion: [m] of soft fingers; 0 for point contacts. limits: (K,) [N] of the normal forces, inf for none.
     """
     from scipy.optimize import linprog
 
     K, everywhere = len(points), points.reshape(-1, 3)
     center = everywhere.mean(axis=0)
     size = max(float(np.linalg.norm(everywhere - center, axis=1).max()), POINT)
-    wrenches = pyramid_wrenches(points, normals, friction, center, size, edges)
+    wrenches = pyramid_wrenches(points, normals, friction, center, size, edges, torsion)
     own = np.r_[load[:3], (load[3:] - np.cross(center, load[:3])) / size]
     length, limited = float(np.linalg.norm(own)), np.isfinite(limits)
     if not (length and limited.any()):
@@ -158,18 +206,25 @@ def load_factor(
 
 
 def pyramid_wrenches(
-    points: Array, normals: Array, friction: float, center: Array, size: float, edges: int = EDGES
+    points: Array,
+    normals: Array,
+    friction: float,
+    center: Array,
+    size: float,
+    edges: int = EDGES,
+    torsion: float = 0.0,
 ) -> Array:
     """(K, M, 6) about a centre, torques over a size: forces of normal part 1 along edges of pyramids about normals.
 
-    points, normals: (K, ..., 3).
+    points, normals: (K, ..., 3). torsion: [m] of soft fingers; 0 for point contacts.
     """
     first = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=-1)])
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    angle = (2 * np.pi / edges * np.arange(edges)).reshape(-1, *[1] * normals.ndim)
-    around = np.cos(angle) * first + np.sin(angle) * np.cross(normals, first)
+    one, two, turn = (a.reshape(-1, *[1] * normals.ndim) for a in rim(edges, soft=torsion > 0).T)
+    around = one * first + two * np.cross(normals, first)
     force = normals + friction * around
-    out = np.concatenate([force, np.cross((points - center) / size, force)], axis=-1)
+    torque = np.cross((points - center) / size, force) + turn * (torsion / size) * normals
+    out = np.concatenate([force, torque], axis=-1)
     return np.asarray(np.moveaxis(out, 0, 1).reshape(len(points), -1, 6))
 
 

@@ -106,7 +106,7 @@ class ProvedGrasp(Presented):
     @property
     def fragile(self) -> bool:
         """Do two point contacts balance the loads, which they do only at exactly this placement?"""
-        return len(self.grasp.contacts) == 2
+        return len(self.grasp.contacts) == 2 and not len(self.grasp.soft)
 
     @property
     def derived(self) -> Derived:

@@ -84,6 +84,7 @@ class GraspsQuestionEntry(Strict):
     torque_limits: dict[str, Finite]
     force_limit: Finite | None
     command_limit: Finite | None
+    torsion: Finite = 0.0
     solids: dict[str, Any] | None = None
 
 
@@ -275,6 +276,7 @@ def _primary(
             "force_limit": None if r.force_limit is None else float(r.force_limit),
             "command_limit": None if r.command_limit is None else float(r.command_limit),
         }
+        | ({"torsion": float(r.torsion)} if r.torsion else {})
         | ({} if solids is None else {"solids": dict(solids)}),
     }
 

@@ -161,6 +161,7 @@ class Plan(Presented):
             "first_seconds": None if self.first is None else round(self.first, 3),
             "seed": self.asked.options.seed,
             "safety": self.asked.options.safety,
+            **({"torsion": self.asked.options.torsion} if self.asked.options.torsion else {}),
             "loads": self.loads.by_name,
             "tried": self.tried,
             "fates": self.tally.to_json("kept", REASONS),

@@ -107,6 +107,7 @@ def question_of(saved: SavedGrasps) -> dict[str, Any]:
         "command_limit": asked.command_limit,
         "mdp": True,
         "preloads": [g.grasp.preload for g in saved.grasps],
+        **({"torsion": asked.torsion} if asked.torsion else {}),
     } | ({} if saved.solids is None else {"solids": {"sha256": digest(dict(saved.solids))}})
 
 
@@ -126,7 +127,7 @@ def _answer_fault(saved: SavedGrasps) -> str:
 
 def _fault(g: SavedGrasp, loads: Loads, requirements: Requirements) -> str:
     """What is said of a grasp that does not follow from hand, configuration and question; '' if nothing."""
-    bare = grasp_at(g.solution, g.q, contacts_at(g.solution, requirements.friction))
+    bare = grasp_at(g.solution, g.q, contacts_at(g.solution, requirements.friction, requirements.torsion))
     grasp, driven = bare.with_preload(g.grasp.preload), requirements.driven(bare)
     preload = {name: grasp.preload.get(name, 0.0) for name in driven}
     return (
@@ -193,6 +194,8 @@ def measured_plan(folder: Path) -> Replay:
         wrong = "" if same else "its proof is about another grasp"
         proved = held["answer"].get("margin")
         times = None if proved is None else plan.get("safety", 1.0) * proved
+        if any(c.torsion != plan.get("torsion", 0.0) for c in grasp.contacts):
+            wrong = wrong or f"its torsion is not that of the plan, {plan.get('torsion', 0.0):g} m"
         wrong = wrong or ("margin" in entry and difference(times, entry["margin"], "margin")) or ""
         parts.append(Replay(entry["grasp_file"], OF_HAND, wrong or _hand_fault(scene, q, place.pose, grasp)))
     if plan.get("contacts_file"):
@@ -205,7 +208,8 @@ def _contacts_fault(folder: Path, plan: dict[str, Any], made: SceneEntry) -> str
     said = read_json(folder / plan["contacts_file"], few_contacts.SCHEMA)
     loads = Loads(tuple(plan["loads"]), np.array(list(plan["loads"].values())).reshape(-1, 6))
     body, limit = load_body(said["object"], friction=made.friction, scale=made.scale), said.get("force_limit")
-    held = held_by_contacts(body, loads, np.inf if limit is None else limit)
+    torsion = plan.get("torsion", 0.0)
+    held = held_by_contacts(body, loads, np.inf if limit is None else limit, torsion=torsion)
     due = few_contacts.to_json(held, loads.names, said["object"], Fewest(said.get("contacts"), said.get("reason", "")))
     return difference(dict(due), said, plan["contacts_file"])
 
@@ -217,6 +221,8 @@ def _planned_fault(asked: Attempts, scene: Scene, found: PlannedGrasp) -> str:
         return "its loads are not held"
     if answer.loads.by_name != asked.loads.by_name:
         return "its answer is about other loads"
+    if any(c.torsion != asked.options.torsion for c in grasp.contacts):
+        return "its contacts have another torsion"
     if answer.limits != limits.of_a_load:
         return "its answer is within other limits"
     of_checks = [a.posed.problem.grasp for a in answer.checks if a.posed]
