@@ -69,9 +69,11 @@ def joined(
     saved: Any = None,
     depth: float = 1e-3,
     limits: PlanLimits | None = None,
+    torsion: float = 0.0,
 ) -> JoinedSearch:
     """Without what limits of torques say of forces at the contacts alone."""
-    balance, motors = NoBalance(task, loads, friction, center=np.zeros(3)), motors_of(task, limits or PlanLimits())
+    balance = NoBalance(task, loads, friction, center=np.zeros(3), torsion=torsion)
+    motors = motors_of(task, limits or PlanLimits())
     return JoinedSearch(task, collisions_of(task, body), Allowed(depth, depth, depth), balance, motors, saved=saved)
 
 

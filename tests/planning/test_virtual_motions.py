@@ -112,16 +112,24 @@ def test_contacts_move_as_the_hand_says(seed: int) -> None:
 # --- no false proof -------------------------------------------------------------------------------------
 
 
-def kept(task: Task, q: Array, pose: Array, points: Array, normals: Array, rng: np.random.Generator) -> Any:
+def kept(
+    task: Task, q: Array, pose: Array, points: Array, normals: Array, rng: np.random.Generator, torsion: float = 0.0
+) -> Any:
     """A load (6,) that contact forces within cones of 0.5 balance, and the torques that they take from each motor."""
     hand, wrench, torques = task.hand, np.zeros(6), np.zeros(task.hand.l)
     data = read_task(task_to_dict(task)).hand
     for pair, p, n in zip(task.contact_pairs, points, normals, strict=True):
         t = np.cross(n, rng.normal(size=3))
-        force = rng.exponential() * (n + 0.5 * rng.choice([0.0, 0.9, 1.0]) * t / np.linalg.norm(t))
-        wrench -= np.r_[force, np.cross(p, force)]
-        link = hand.link_names.index(pair.link)
-        torques += hand.jacobian(link, pose[:3, :3] @ p + pose[:3, 3], q).T @ (pose[:3, :3] @ force)
+        size, share, angle = rng.exponential(), rng.choice([0.0, 0.9, 1.0]), np.pi * rng.random() if torsion else 0.0
+        force = size * (n + 0.5 * share * np.cos(angle) * t / np.linalg.norm(t))
+        about = size * torsion * share * np.sin(angle) * rng.choice([-1.0, 1.0]) * n
+        wrench -= np.r_[force, np.cross(p, force) + about]
+        link, at = hand.link_names.index(pair.link), pose[:3, :3] @ p + pose[:3, 3]
+        torques += hand.jacobian(link, at, q).T @ (pose[:3, :3] @ force)
+        one = np.linalg.svd(n[None])[2][1]
+        other = np.cross(n, one)  # the torque as two opposite forces, 1 m apart
+        beside = hand.jacobian(link, at + pose[:3, :3] @ one, q) - hand.jacobian(link, at, q)
+        torques += beside.T @ (pose[:3, :3] @ other) * (about @ n)
     leads = [j for j in range(hand.l) if not data.driving(j)]
     moves = joint_rates(data, np.eye(hand.l)[leads]).mid
     forces = np.linalg.lstsq((moves @ hand.mechanism.R.T), moves @ torques, rcond=None)[0]
@@ -136,17 +144,21 @@ def pinched() -> Any:
     return task, synthesize(task, count=6, timeout=None).solutions
 
 
+@pytest.mark.parametrize("torsion", [0.0, 0.005, 0.05])
 @pytest.mark.parametrize("seed", slow_after(2, range(6)))
-def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(pinched: Any, seed: int) -> None:
+def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(
+    pinched: Any, seed: int, torsion: float
+) -> None:
     task, found = pinched
     rng, solution = np.random.default_rng(seed), found[seed % len(found)]
     spots = solution.existence.contacts
     contact = np.concatenate([[*spot.object, *(spot.hand or ())] for spot in spots])
     both = [(p.object, spot.object) for p, spot in zip(task.contact_pairs, spots, strict=True)]
     points, normals = np.array([r.at(*at) for r, at in both]), -np.array([r.outward(*at) for r, at in both])
-    wrench, torques = kept(task, solution.q, solution.pose, points, normals, rng)
+    wrench, torques = kept(task, solution.q, solution.pose, points, normals, rng, torsion)
     limits = PlanLimits(torque_limits=torques)
-    search = joined(task, BLOCK, Loads.wrench(wrench), 0.5 * (1 + 1e-9), limits=limits)
+    soft = torsion * (1 + 1e-9)
+    search = joined(task, BLOCK, Loads.wrench(wrench), 0.5 * (1 + 1e-9), limits=limits, torsion=soft)
     proposer = search.sets[-1].proposers[0]
     assert isinstance(proposer, BalanceProposer)
     x, chart = coordinates(proposer.contacts, task, solution.q, solution.pose, contact)
@@ -158,7 +170,8 @@ def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(pi
         tried = proposer.propose(boxes, np.full(16, NO_MOTION))
         # what would show it with a little less torque, and motions of any kind
         weak = {name: 0.9 * x for name, x in torques.items()}
-        weaker = joined(task, BLOCK, Loads.wrench(wrench), 0.5, limits=PlanLimits(torque_limits=weak)).sets[-1]
+        less = {"limits": PlanLimits(torque_limits=weak), "torsion": torsion}
+        weaker = joined(task, BLOCK, Loads.wrench(wrench), 0.5, **less).sets[-1]
         other = weaker.proposers[0]
         assert isinstance(other, BalanceProposer)
         other.propose(boxes, np.full(16, NO_MOTION))

@@ -293,7 +293,10 @@ class NoBalance:
         return first + np.arange(len(new))
 
     def _lines(self, corners: Corners, its: Integers) -> Integers:
-        """Turning about the line through two contacts, where that does most work on a load."""
+        """Turning about the line through two contacts, where that does most work on a load.
+
+        Torsion of soft fingers resists it, without a limit where their forces have none.
+        """
         points, normals = corners.points[its, 0], corners.normals[its, 0]  # (N, K, 3)
         best, chosen = np.full(len(its), NOTHING), np.full((len(its), 2), NO_MOTION)
         weights = np.zeros((len(its), len(self.hits)))
@@ -303,6 +306,11 @@ class NoBalance:
             a, b = points[:, i], points[:, j]
             turn = b - a
             work = np.cross(a, b) @ force.T + turn @ torque.T
+            if self.placements.torsion:
+                if not self.placements.limited[[i, j]].all():
+                    continue
+                spun = np.abs(turn[:, None] @ normals[:, [i, j]].swapaxes(1, 2))[:, 0]  # (N, 2)
+                work = work - self.placements.torsion * (spun @ self.placements.force_limits[[i, j]])[:, None]
             value = work / np.maximum(np.linalg.norm(turn, axis=1)[:, None] * most, TINY)
             u = np.cross(turn[:, None], points - a[:, None])
             cones = (normals * u).sum(axis=2) / np.maximum(np.linalg.norm(u, axis=2), TINY) - self.placements.sine

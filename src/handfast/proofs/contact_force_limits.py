@@ -85,7 +85,8 @@ def contact_force_limits(task: TaskData, motors: Motors, friction: float, torsio
                 others = (i for i in range(len(out)) if i != k and _moved(task, i) & its.keys())
                 if arm > 0 and all(least_arm(task, i, its, friction, torsion, enough=0.0) >= 0 for i in others):
                     turns, slides = (np.abs(moved[those]).sum() for those in (task.hand.revolute, ~task.hand.revolute))
-                    most, *missed = (float((Interval.of(x) / Interval.of(arm)).hi) for x in (work, turns, slides))
+                    motions = work, turns, slides
+                    most, *missed = (float((Interval.of(x) / Interval.of(arm)).hi) if x else 0.0 for x in motions)
                     if most < out[k]:
                         out[k], (turned[k], slid[k]) = most, missed
     return ForceLimits(out, turned, slid)

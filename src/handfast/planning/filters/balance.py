@@ -19,7 +19,7 @@ from handfast.proofs.solids import Solid
 from handfast.stability.problem.loads import Loads
 
 EDGES = 8  # of the pyramid in each friction cone, of a soft finger on each circle of latitude
-LATITUDES = (0.0, 45.0, -45.0)  # [deg] of those circles; the poles are edges, too
+LATITUDES = (0.0, 40.0, -40.0)  # [deg] of those circles, the last two half a step on; the poles are edges, too
 BALANCED = 1e-6  # share of a wrench below which it counts as balanced
 SEPARATED = 1e-9  # of what is missing: a force along an edge that helps more than this shows that it was not all tried
 POINT = 1e-9  # [m] contacts that are no further apart, or a single one from the origin, give torques no unit
@@ -32,13 +32,13 @@ def rim(edges: int = EDGES, *, soft: bool = False) -> Array:
     """(M, 3) where the edges of a pyramid in a cone with a normal force of 1 are: two tangents and torsion, each over
     its coefficient. Unit vectors: on a circle, of soft fingers on a sphere.
     """
-    angle = 2 * np.pi / edges * np.arange(edges)
-    around = np.stack([np.cos(angle), np.sin(angle), np.zeros(edges)], axis=1)
-    if not soft:
-        return around
-    heights = np.radians(LATITUDES)
-    circles = [np.cos(h) * around + [0.0, 0.0, np.sin(h)] for h in heights]
-    return np.vstack([*circles, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    angle, circles = 2 * np.pi / edges * np.arange(edges), []
+    for height in np.radians(LATITUDES) if soft else (0.0,):
+        on = angle + np.pi / edges * (height != 0)
+        circles.append(
+            np.stack([np.cos(height) * np.cos(on), np.cos(height) * np.sin(on), np.sin(height) + 0 * on], axis=1)
+        )
+    return np.vstack([*circles, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]] if soft else circles)
 
 
 @lru_cache
