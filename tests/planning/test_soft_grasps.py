@@ -390,6 +390,11 @@ def test_what_is_no_torsion_is_said_so(how: dict[str, Any], match: str) -> None:
             kind(**how)
 
 
+def test_the_dynamics_engine_knows_no_torsion() -> None:
+    with pytest.raises(InputError, match=r"torsion: is 0\.002 m; the dynamics engine"):
+        PlanOptions(torsion=0.002, simulate=True)
+
+
 def test_torsion_needs_friction() -> None:
     slippery = replace(CENTERED, friction=0.0)
     with pytest.raises(InputError, match=r"torsion: is 0\.002 m where friction is 0"):

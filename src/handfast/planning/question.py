@@ -169,6 +169,9 @@ class PlanOptions(SearchOptions):
         refuse_no_positive(
             {"attempts": self.attempts, "contacts": self.contacts, "pool": self.pool, "give_up": self.give_up}
         )
+        if self.torsion and self.simulate:
+            problem = f"is {self.torsion:g} m; the dynamics engine (simulate) knows point contacts only, leave one out"
+            raise InputError(problem, field="torsion")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
