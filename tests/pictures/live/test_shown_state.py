@@ -39,6 +39,17 @@ def test_a_load_that_is_held() -> None:
     assert "Replayed" in " ".join(what.sentences)
 
 
+def test_a_largest_load_whose_bounds_have_not_met_is_not_called_the_largest() -> None:
+    reply = replies(HELD)[-1]
+    assert reply.most is not None
+    for upper in (25.0, np.inf):  # the search ended at its time limit
+        what = shown(HELD, STAGE, replace(reply, most=replace(reply.most, upper=upper)))
+        said = " ".join(what.sentences)
+        assert "In this direction 10 N is resisted; how much more was not shown within the time." in said
+        assert "Largest" not in said
+        assert what.share is None
+
+
 def test_a_load_that_slips_moves_the_object_along() -> None:
     state = HELD.with_force(12.0)
     what = shown(state, STAGE, replies(state)[-1])

@@ -13,7 +13,7 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array, Mask
 from handfast.model.grasp import Grasp
 from handfast.pictures import words
-from handfast.pictures.live.answering import PlaneMap, Reply
+from handfast.pictures.live.answering import QUICK, PlaneMap, Reply
 from handfast.pictures.live.view_state import ARROW, NOTHING, Stage, ViewState
 from handfast.stability.answers import MaxAnswer
 
@@ -188,6 +188,9 @@ def sentences(state: ViewState, reply: Reply | None, fault: str = "") -> tuple[s
             said.append("In this direction any size is resisted.")
         elif most.verdict is Verdict.SLIPS:
             said.append("In this direction nothing is resisted, however small.")
+        elif most.verdict is Verdict.HOLDS and not bounded(most):
+            size = f"{words.num(most.lower, 3)} {unit}"
+            said.append(f"In this direction {size} is resisted; how much more was not shown within the time.")
         elif most.verdict is Verdict.HOLDS:
             said.append(f"Largest in this direction: {words.num(most.lower, 3)} {unit}.")
     if reply.replayed:
@@ -195,8 +198,14 @@ def sentences(state: ViewState, reply: Reply | None, fault: str = "") -> tuple[s
     return tuple(said)
 
 
+def bounded(most: MaxAnswer) -> bool:
+    """Have both bounds of a largest load met, as far as the page asks for it?"""
+    return bool(most.upper <= (1 + 2 * QUICK.gap) * most.lower)
+
+
 def load_share(state: ViewState, reply: Reply | None) -> float | None:
-    """Size of the load over the largest in its direction; inf where nothing is resisted, 0 where anything is."""
+    """Size of the load over the largest in its direction; inf where nothing is resisted, 0 where anything is; None
+    where the largest is not known."""
     if reply is not None and reply.check is None:
         return float("inf")
     if reply is None or reply.most is None:
@@ -204,7 +213,7 @@ def load_share(state: ViewState, reply: Reply | None) -> float | None:
     most = reply.most
     if most.unbounded:
         return 0.0
-    if most.verdict is Verdict.UNDECIDED:
+    if most.verdict is Verdict.UNDECIDED or (most.verdict is Verdict.HOLDS and not bounded(most)):
         return None
     if not most.lower > 0:
         return float("inf") if state.size > NOTHING else 0.0
