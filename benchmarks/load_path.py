@@ -93,10 +93,14 @@ def may_change(row: dict[str, Any]) -> bool:
 
 
 def asked_again(grasp: Grasp, most: Array, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of rule 1 with what rule 2 says on the path; those that it cannot change stay. `rule 1`: what that said."""
+    """Rows of rule 1 with what rule 2 says on the path; those that it cannot change stay. `rule 1`: what that said.
+
+    Where rule 2 had not the time, the answer of rule 1 stays, and `late` is true.
+    """
 
     def again(row: dict[str, Any]) -> dict[str, Any]:
-        return on_path(grasp, row["share"] * most) if may_change(row) else {}
+        now = on_path(grasp, row["share"] * most) if may_change(row) else {}
+        return {"late": True} if now.get("said") == "undecided" else now
 
     return [row | {"rule 1": row["said"]} | again(row) for row in rows]
 
@@ -139,6 +143,7 @@ def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
         }
         ruled = [row for q in asked.values() if q.get("rule") == RULE for row in q["rows"]]
         out["asked with the rule of today"] = len(ruled)
+        out["late with it"] = sum(row.get("late", False) for row in ruled)
         out["changed by it"] = sum(row["said"] != row.get("rule 1", row["said"]) for row in ruled)
         out["proved"] = sum(row["proved"] for row in rows)
         out["depends on the choice of a state"] = sum(

@@ -120,7 +120,8 @@ class GraspData:
         return self._with_known(replace(self, command=command), ())
 
     def with_start(self, start: StartData | None) -> GraspData:
-        """In a step that starts from there."""
+        """In a step that starts from there. What all steps of a path need is worked out here, once."""
+        _ = self.rows, self.row_units, self.column_units, self.contact_rows, self.actuator_arms, self._exact_tables
         return self._with_known(replace(self, start=start), ("gaps", "stops", "stops_left", "independent_rows"))
 
     def _with_known(self, out: GraspData, but: Sequence[str]) -> GraspData:
@@ -255,12 +256,19 @@ class GraspData:
         out[self.soft, 3] = 3 * self.m + np.arange(len(self.soft))
         return out
 
-    @cached_property
+    @property
     def exact_table(self) -> Array:
         """(N + 1, 6 + l) `rows` as rational numbers."""
-        places = self.positions, self.frames, self.axes, self.origins, self.lever
-        maps = self._built(np.cross, np.subtract, *(exact(x) for x in places))
-        return self._table(maps, exact(self.R), exact(self.A), np.negative)
+        if not self._exact_tables:
+            places = self.positions, self.frames, self.axes, self.origins, self.lever
+            maps = self._built(np.cross, np.subtract, *(exact(x) for x in places))
+            self._exact_tables.append(self._table(maps, exact(self.R), exact(self.A), np.negative))
+        return self._exact_tables[0]
+
+    @cached_property
+    def _exact_tables(self) -> list[Array]:
+        """`exact_table`, once somebody asked for it: of all steps of a path."""
+        return []
 
     @cached_property
     def exact_rows(self) -> list[list[fmpq]]:

@@ -310,17 +310,17 @@ class Follower:
         middle = State(w.state.r / 2, w.state.q / 2, *forces)
         return bool(judge.residuals(w.grasp, load, middle, eta=w.eta).worst <= VALID)
 
-    def along(self, magnitudes: Array, pick: Pick = shown, prove: bool = True) -> LoadPath:
+    def along(self, magnitudes: Array, pick: Pick = shown, prove: float = np.inf) -> LoadPath:
         """The path with states at some magnitudes, the first of which is 0, as far as it goes.
 
-        prove: that the last step has no state, too; the commands alone are always proved to have none.
+        prove: that a step up to this magnitude has no state, too; the commands alone are always proved to have none.
         """
         line = list(self.straight.get(pick, ()))
         grasp, straight = self.whole.grasp, True
         if line:
             grasp = self.after(line[-1][1], line[-1][0], pick) or grasp
         for m in magnitudes[magnitudes > line[-1][0]].tolist() if line else magnitudes.tolist():
-            step = self.step(grasp, m, prove or m == 0)
+            step = self.step(grasp, m, m <= prove or m == 0)
             line.append((m, step))
             last = m == magnitudes[-1]
             w = None if step.verdict is not Verdict.HOLDS else step.found if last else pick(step)
@@ -425,7 +425,9 @@ def check_path(
     by_steps: dict[int, float] = {}
     before = None
     for n in COUNTS:
-        path = follower.along(np.linspace(0.0, 1.0, n + 1), prove=n > 1)
+        slipped, magnitudes = before is Verdict.SLIPS, np.linspace(0.0, 1.0, n + 1)
+        # a path that ends here, by `same` below, is proved to
+        path = follower.along(magnitudes, prove=np.inf if n == COUNTS[-1] else magnitudes[-2] if slipped else 0.0)
         by_steps[n], verdict = path.reached or 0.0, path.steps[-1].verdict
         # a last step, from near the whole load, may be too long: shorter ones may come to the end
         same = verdict is before and (verdict is Verdict.HOLDS or path.magnitudes[-1] < 1.0)
@@ -434,7 +436,7 @@ def check_path(
         before = verdict
     other = None
     if follower.chosen_otherwise(path):
-        other = follower.along(np.linspace(0.0, 1.0, n + 1), met).reached or 0.0
+        other = follower.along(np.linspace(0.0, 1.0, n + 1), met, prove=0.0).reached or 0.0
     return replace(path, by_steps=by_steps, other_choice=other, nodes=follower.nodes)
 
 

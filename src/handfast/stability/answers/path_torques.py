@@ -246,7 +246,7 @@ class _PathTorques:
         whole = BoundProblem(self.under(commands), ANY_STATE)
         sought = PathCommands(whole.question, self.senses, self.sums)
         lower, bound, nodes = 0.0, None, 0
-        if stop is not Stop.INTERRUPTED and self.upper > 0:
+        if stop is not Stop.INTERRUPTED and self.upper > 0 and not clock.late:
             limits = SearchLimits(min(clock.seconds_left, BOUND))
             lower, bound, nodes = path_bound(sought, limits, self.upper * (1 - self.settings.gap))
         if self.best:
