@@ -31,9 +31,9 @@ from handfast.core.bundled import names
 from handfast.model.grasp import Grasp
 from handfast.papers.baselines import BaselineState, pyramid_step, turn_scheme
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import check, maximum
 from handfast.stability.problem import model
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check, maximum
 
 RESULTS = Path(__file__).parent / "results" / "baselines.json"
 SIZES = (3, 4, 5)

@@ -62,10 +62,10 @@ from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from handfast.simulation.result import Ending
 from handfast.simulation.simulate import simulate
-from handfast.stability.answers import check
 from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import max_many
+from handfast.stability.studies.questions import check
 
 RESULTS = Path(__file__).parent / "results" / "dataset_audit.json"
 FRICTIONS = (0.3, 0.6, 1.0, 3.0, 10.0)  # Dexonomy's hard test, DexGraspBench, GraspQP, DexGraspNet, GenDexGrasp

@@ -35,9 +35,10 @@ from benchmarks.machine import describe
 from handfast.core.errors import InputError
 from handfast.papers import algorithm1
 from handfast.proofs.checker import verify
-from handfast.stability.answers import MaxAnswer, maximum
+from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "engine.json"

@@ -36,10 +36,10 @@ from handfast.proofs.existence import Proved, nearby, prove
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem.grasp_limits import NO_LIMITS
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
+from handfast.stability.studies.questions import check, maximum, torques
 
 RESULTS = Path(__file__).parent / "results" / "exact_states.json"
 FAMILIES = (*KINDS, "joint laws", "soft fingers", "no dissipation")

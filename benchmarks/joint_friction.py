@@ -26,8 +26,8 @@ from handfast.core.answer import Stop
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
-from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 
 RESULTS = Path(__file__).parent / "results" / "joint_friction.json"
 SIZES, RUBBING, FIRST_SEED = (3, 4, 5), (0, 1, 2, 4, 8), 3_100_000

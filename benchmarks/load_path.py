@@ -33,10 +33,10 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.simulation.simulate import simulate
-from handfast.stability.answers import check
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Loading, Settings
+from handfast.stability.studies.questions import check
 
 RESULTS = Path(__file__).parent / "results" / "load_path.json"
 LIMIT = Settings(timeout=20.0)

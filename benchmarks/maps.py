@@ -20,9 +20,9 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.parallel import default_jobs
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import max_many
+from handfast.stability.studies.questions import maximum
 
 RESULTS = Path(__file__).parent / "results" / "maps.json"
 STEPS = 360

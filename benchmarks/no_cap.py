@@ -30,13 +30,13 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import check, maximum
 from handfast.stability.answers.max_query import max_goal
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.reduced import reduce
 from handfast.stability.search.search import exact_solution
+from handfast.stability.studies.questions import check, maximum
 
 RESULTS = Path(__file__).parent / "results" / "no_cap.json"
 SIZES = (3, 4, 5, 6, 7, 8)

@@ -29,9 +29,9 @@ from handfast.core.arrays import Array
 from handfast.measures.conic_program import ConicProgram
 from handfast.model.grasp import Contact, Grasp
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.maps import Curve, force_map
+from handfast.stability.studies.maps import Curve
+from handfast.stability.studies.questions import force_map, maximum
 
 RESULTS = Path(__file__).parent / "results" / "other_bodies.json"
 SETTINGS = Settings(gap=1e-3, timeout=20.0)

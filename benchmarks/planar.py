@@ -40,9 +40,9 @@ from handfast.papers.planar_oracle import (
     planar_ranges,
 )
 from handfast.proofs.fields import rational, rounded
-from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check, maximum
 
 RESULTS = Path(__file__).parent / "results" / "planar.json"
 SIZES = (3, 4, 5, 6, 7, 8)

@@ -27,8 +27,9 @@ from handfast.core.answer import Verdict
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1
 from handfast.proofs.checker import verify
-from handfast.stability.answers import CheckAnswer, check
+from handfast.stability.answers import CheckAnswer
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check
 
 RESULTS = Path(__file__).parent / "results" / "random_checks.json"
 SIZES = (3, 4, 5, 6)

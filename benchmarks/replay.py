@@ -32,8 +32,8 @@ from benchmarks.no_cap import question
 from handfast.proofs import checker, equations, leaves
 from handfast.proofs.certificate import Certificate, file_to_dict, read_certificate_file
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 
 BUNDLED = Path(str(files("handfast") / "data" / "grasps"))
 RESULTS = Path(__file__).parent / "results" / "replay.json"

@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks.grasps import cases
 from benchmarks.machine import describe
 from handfast.core.answer import Verdict
-from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 from handfast.stability.studies.sampled_maximum import Perturbation, sampled_maximum
 
 RESULTS = Path(__file__).parent / "results" / "sampled_maxima.json"

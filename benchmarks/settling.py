@@ -43,9 +43,9 @@ from handfast.model.grasp import Grasp
 from handfast.planning.closing import close
 from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.settling import GraspInScene, settle
-from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import finite
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check, maximum
 
 RESULTS = Path(__file__).parent / "results" / "settling.json"
 KINDS = ("axis", "displaced", "closed")

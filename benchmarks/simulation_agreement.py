@@ -39,13 +39,13 @@ from handfast.model.grasp import Grasp
 from handfast.simulation.result import Ending, SimulationResult
 from handfast.simulation.simulate import Loading, force_unit, simulate
 from handfast.simulation.twin import STIFFNESS
-from handfast.stability.answers import check, maximum
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.answers.max_query import with_interval
 from handfast.stability.problem.judge import residuals
 from handfast.stability.problem.model import State, joint_torques
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.margin_search import margin
+from handfast.stability.studies.questions import check, maximum
 
 RESULTS = Path(__file__).parent / "results" / "simulation_agreement.json"
 SHARES = (0.5, 0.8, 0.9, 1.1, 1.25, 1.5)

@@ -34,7 +34,7 @@ from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from handfast.simulation.simulate import simulate, simulate_bodies
-from handfast.stability.answers import maximum
+from handfast.stability.studies.questions import maximum
 
 RESULTS = Path(__file__).parent / "results" / "simulation_bodies.json"
 SHARES = (0.9, 1.25)

@@ -29,9 +29,9 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs import checker
 from handfast.simulation.simulate import simulate
-from handfast.stability.answers import check, maximum
 from handfast.stability.answers.max_query import MaxAnswer
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check, maximum
 
 RESULTS = Path(__file__).parent / "results" / "soft_fingers.json"
 SEED = 18

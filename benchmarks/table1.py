@@ -24,9 +24,9 @@ from benchmarks.machine import describe
 from handfast.papers import mixed_integer_solvers
 from handfast.papers.stability_tables import DOWN, ETAS, LEVELS, resolution_cell
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import maximum
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 
 RESULTS = Path(__file__).parent / "results" / "table1.json"
 

@@ -10,8 +10,8 @@ nothing of them is known yet.
 - `many`: one maximum each of `--count` grasps in one call of `max_many`, one core;
 - `prepare`: a grasp made ready and asked its first load, which it resists: in one call of `check_many` for all
   (`batch`), and by `prepare` one by one (`alone`);
-- `next`: a prepared grasp under a load that changes slowly and holds, or slips (with its proof replayed); medians of
-  each grasp;
+- `next`: a prepared grasp under a load that changes slowly and holds (judged by the equations, or with its exact state
+  proved: `next proved`), or slips (with its proof replayed); medians of each grasp;
 - `dense`: six maxima of a grasp of 8 to 12 contacts, one by one, proofs not replayed;
 - `torques`: the least commands for a random load, with their proof replayed, and for Table II's wrenches on its two
   grasps of six contacts; with `--published FOLDER` (`handfast import ... --mass 0.1 -o FOLDER`) for the weight of
@@ -186,14 +186,14 @@ def changing(start: Array, steps: int) -> Iterator[Array]:
         yield start * (1 + 0.2 * np.sin(0.03 * k)) + side * turn
 
 
-def next_loads(m: int, verdict: Verdict, grasps: int) -> Callable[[int], Measured]:
+def next_loads(m: int, verdict: Verdict, grasps: int, *, proved: bool) -> Callable[[int], Measured]:
     """Prepared grasps under loads below the largest, or beyond; of each the median of the answers with a verdict."""
     share = SHARE if verdict is Verdict.HOLDS else 1 / SHARE
 
     def ask(count: int) -> Measured:
         chosen, out = min(count, grasps), Measured([], [])
         for case, (_, largest) in zip(bounded(m, chosen), _drawn(m, chosen), strict=True):
-            prepared = prepare(case.grasp, settings=Settings(jobs=1))
+            prepared = prepare(case.grasp, settings=Settings(jobs=1) if proved else QUICK)
             loads = changing(share * largest * case.direction, STEPS)
             found = [timed(partial(prepared.check, w)) for w in loads]
             some = [spent for answer, spent in found[1:] if answer.verdict is verdict]
@@ -282,8 +282,11 @@ FAMILIES: dict[str, Family] = {
     "many, 5 contacts": Family(many(5), 20_000, 5),
     **{f"prepare batch, {m} contacts": Family(prepared_together(m), 0.1) for m in (3, 5)},
     **{f"prepare alone, {m} contacts": Family(prepared_alone(m), 0.1) for m in (3, 5)},
-    **{f"next holds, {m} contacts": Family(next_loads(m, Verdict.HOLDS, FEW), 0.25) for m in (3, 4, 5, 6)},
-    **{f"next slips, {m} contacts": Family(next_loads(m, Verdict.SLIPS, DENSE), 5.0) for m in (3, 4)},
+    **{
+        f"next holds, {m} contacts": Family(next_loads(m, Verdict.HOLDS, FEW, proved=False), 0.25) for m in (3, 4, 5, 6)
+    },
+    **{f"next proved, {m} contacts": Family(next_loads(m, Verdict.HOLDS, FEW, proved=True), 2.5) for m in (3, 5)},
+    **{f"next slips, {m} contacts": Family(next_loads(m, Verdict.SLIPS, DENSE, proved=True), 5.0) for m in (3, 4)},
     "dense, 8 contacts": Family(dense(8, False), 60.0),
     "dense, 10 contacts": Family(dense(10, True), 60.0),
     "dense, 12 contacts": Family(dense(12, True), 60.0),

@@ -44,9 +44,6 @@ if TYPE_CHECKING:
     from handfast.saved import verify as verify
     from handfast.simulation.settling import settle as settle
     from handfast.simulation.simulate import simulate as simulate
-    from handfast.stability.answers import check as check
-    from handfast.stability.answers import maximum as maximum
-    from handfast.stability.answers import torques as torques
     from handfast.stability.problem.grasp_limits import GraspLimits as GraspLimits
     from handfast.stability.problem.loads import Loads as Loads
     from handfast.stability.problem.loads import load_loads as load_loads
@@ -54,11 +51,14 @@ if TYPE_CHECKING:
     from handfast.stability.studies.batch import check_many as check_many
     from handfast.stability.studies.batch import max_many as max_many
     from handfast.stability.studies.batch import torques_many as torques_many
-    from handfast.stability.studies.hold import hold as hold
-    from handfast.stability.studies.maps import force_map as force_map
     from handfast.stability.studies.maps import sweep as sweep
     from handfast.stability.studies.margin_search import margin as margin
     from handfast.stability.studies.prepared import prepare as prepare
+    from handfast.stability.studies.questions import check as check
+    from handfast.stability.studies.questions import force_map as force_map
+    from handfast.stability.studies.questions import hold as hold
+    from handfast.stability.studies.questions import maximum as maximum
+    from handfast.stability.studies.questions import torques as torques
     from handfast.synthesis.query import synthesize as synthesize
     from handfast.synthesis.task import ContactPair as ContactPair
     from handfast.synthesis.task import PoseBounds as PoseBounds
@@ -101,19 +101,19 @@ _HOME = {
     "verify": "saved",
     "simulate": "simulation.simulate",
     "settle": "simulation.settling",
-    "hold": "stability.studies.hold",
+    "hold": "stability.studies.questions",
     "Loads": "stability.problem.loads",
     "load_loads": "stability.problem.loads",
     "check_many": "stability.studies.batch",
     "max_many": "stability.studies.batch",
     "torques_many": "stability.studies.batch",
-    "force_map": "stability.studies.maps",
+    "force_map": "stability.studies.questions",
     "sweep": "stability.studies.maps",
     "margin": "stability.studies.margin_search",
     "prepare": "stability.studies.prepared",
-    "check": "stability.answers",
-    "maximum": "stability.answers",
-    "torques": "stability.answers",
+    "check": "stability.studies.questions",
+    "maximum": "stability.studies.questions",
+    "torques": "stability.studies.questions",
     "Settings": "stability.problem.settings",
     "synthesize": "synthesis.query",
     "PoseBounds": "synthesis.task",

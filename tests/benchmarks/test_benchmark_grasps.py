@@ -11,9 +11,9 @@ import pytest
 
 from handfast.core.answer import Stop
 from handfast.proofs.checker import verify
-from handfast.stability.answers import maximum
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 
 FINGERPRINT = "795e9b567f5f6719637db87607d74ff773c10cafc0a401d855cf5557109a8b9d"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.no_cap import attacked, collinear
-from handfast.stability.answers import maximum
+from handfast.stability.studies.questions import maximum
 
 FIRST = 900_000
 

@@ -15,9 +15,9 @@ from rich.console import Console
 from handfast.cli.console import table
 from handfast.cli.tables import show_witness
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability.answers import check
 from handfast.stability.problem.model import State
 from handfast.stability.problem.witness import Witness
+from handfast.stability.studies.questions import check
 from tests.support.soft_fingers import TORSION, coin
 
 CHECK = [sys.executable, "-m", "handfast.cli", "check", "fig1", "--wrench", "0", "1", "0"]

@@ -15,7 +15,7 @@ from handfast.cli.tables import show_replay
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import save_grasp
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.maps import force_map
+from handfast.stability.studies.questions import force_map
 from tests.support.problems import pinch
 from tests.support.program import ask, complains, run
 

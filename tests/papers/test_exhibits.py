@@ -19,7 +19,8 @@ from handfast.papers.exhibits import EXHIBITS, MakingOptions, TextTable, make
 from handfast.papers.friction_relaxation import Discretisation
 from handfast.papers.region_exhibits import PRINTED_TASKS
 from handfast.pictures.drawing import picture
-from handfast.stability.studies.maps import MapAnswer, force_map
+from handfast.stability.studies.maps import MapAnswer
+from handfast.stability.studies.questions import force_map
 
 COARSE = MakingOptions(steps=4, count=1)
 SCENES = ["fig1", "fig4", "fig7", "fig9", "fig11", "fig13"]

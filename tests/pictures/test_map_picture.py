@@ -19,7 +19,8 @@ from handfast.pictures.grasp_picture import draw_grasp, draw_scene
 from handfast.pictures.map_picture import HELD, draw_map, draw_sweep
 from handfast.pictures.scene import scene_meshes
 from handfast.stability.problem.grasp_limits import GraspLimits, Terms
-from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer, force_map
+from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
+from handfast.stability.studies.questions import force_map
 from tests.support.problems import pinch
 
 ORIGIN = np.zeros(3)

@@ -16,11 +16,11 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures import Entry, words, write_report
 from handfast.pictures.words import num
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.answers.max_query import MaxAnswer
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.maps import Curve, MapAnswer
+from handfast.stability.studies.questions import check, maximum, torques
 
 Y = np.eye(6)[1]
 QUICK = Settings(gap=0.02)

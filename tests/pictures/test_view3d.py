@@ -22,9 +22,9 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.pictures import Entry, view3d, write_report
 from handfast.pictures.scene import DrawnScene, Mesh, ShownGrasp, ShownLoad, applied, arrows
 from handfast.pictures.view3d import packed, scene_json
-from handfast.stability.answers import check
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check
 from tests.support.driven_page import drive
 from tests.support.problems import bell, nest, pinch
 

@@ -42,7 +42,7 @@ from handfast.planning.ranking import BETTER, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.search import Journal
 from handfast.stability.problem.loads import Loads
-from handfast.stability.studies.hold import hold
+from handfast.stability.studies.questions import hold
 from handfast.synthesis.search.starts import Starts, Walks
 from handfast.synthesis.solution import whole
 from handfast.synthesis.task_problem import TaskProblem

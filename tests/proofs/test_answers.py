@@ -23,7 +23,7 @@ from handfast.proofs.kinds import TURN, Row
 from handfast.proofs.replay import Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import TOO_SMALL, motion_size
-from handfast.stability.answers import check, maximum, torques
+from handfast.stability.studies.questions import check, maximum, torques
 from tests.support.problems import bell, nest, pinch
 from tests.support.refused import refused
 from tests.support.saved_answers import (

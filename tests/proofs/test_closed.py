@@ -17,10 +17,9 @@ import pytest
 
 from handfast.model.grasp import Grasp
 from handfast.proofs import certificate
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.hold import hold
+from handfast.stability.studies.questions import check, hold, maximum, torques
 from tests.stability.search.test_supremum import cup
 from tests.support.problems import bell, pinch, table
 

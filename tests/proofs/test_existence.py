@@ -20,8 +20,8 @@ from handfast.proofs.question import read_question
 from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import check, maximum
 from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.studies.questions import check, maximum
 from tests.support.exact_states import data, moved, problem, state
 from tests.support.law_grasps import DOWN, jaw
 

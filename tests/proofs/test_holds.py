@@ -18,10 +18,9 @@ from handfast.proofs import holds
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.question import read_question
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
-from handfast.stability.studies.hold import hold
+from handfast.stability.studies.questions import check, hold, maximum, torques
 from tests.support.problems import nest, pinch
 
 UP, SIDE = np.array([0, 1.0, 0, 0, 0, 0]), np.array([0.2, 0, 0, 0, 0, 0])

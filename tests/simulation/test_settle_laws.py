@@ -16,7 +16,7 @@ from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.hand_drive import locked_joints, motors_of
 from handfast.simulation.settled import Rest, Settled
 from handfast.simulation.settling import settle
-from handfast.stability.answers import maximum
+from handfast.stability.studies.questions import maximum
 from tests.support.sprung_jaws import sprung_jaws
 
 BOTH = ("pull_left", "pull_right")

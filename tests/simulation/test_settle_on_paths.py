@@ -16,8 +16,8 @@ from handfast.pictures.motion_picture import details
 from handfast.proofs.fields import BadFile
 from handfast.simulation.settled import Rest, replay_settled, verdict_of
 from handfast.simulation.settling import LOADS, NO_STATE, GraspInScene, settle
-from handfast.stability.answers import check
 from handfast.stability.studies.ask_again import Asking
+from handfast.stability.studies.questions import check
 from tests.support.program import run
 from tests.support.slides import pinch_of_balls
 

@@ -22,7 +22,8 @@ from benchmarks.laws import LAWS, Change, Subject, Tally, Verbs
 from handfast.core.answer import Stop, Verdict
 from handfast.stability import answers as queries
 from handfast.stability.answers import MaxAnswer
-from handfast.stability.studies.maps import MapAnswer, force_map
+from handfast.stability.studies.maps import MapAnswer
+from handfast.stability.studies.questions import force_map
 
 FIRST = 1_300_000  # seeds that nothing was tuned on
 ROUNDS = 10_000  # to draw from; in each every kind of grasp is asked once

@@ -16,10 +16,10 @@ from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.stability.answers import MaxAnswer, check, maximum, torques
+from handfast.stability.answers import MaxAnswer
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.maps import force_map
+from handfast.stability.studies.questions import check, force_map, maximum, torques
 from tests.support.places import ROOT
 from tests.support.slow_cases import slow_after
 

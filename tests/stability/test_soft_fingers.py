@@ -17,7 +17,6 @@ from handfast.model.grasp import Contact
 from handfast.papers import algorithm1
 from handfast.proofs import checker
 from handfast.readers.grasp_file import from_dict, load_grasp, save_grasp, to_dict
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem import judge, model
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.model import State
@@ -25,6 +24,7 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import check_many, max_many
 from handfast.stability.studies.margin_search import margin
 from handfast.stability.studies.prepared import prepare
+from handfast.stability.studies.questions import check, maximum, torques
 from tests.support.slow_cases import slow_after
 from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin, spindle
 

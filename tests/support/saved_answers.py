@@ -14,10 +14,10 @@ from benchmarks.grasps import random_case
 from handfast.proofs.certificate import Certificate, proof_to_dict, read_certificate
 from handfast.proofs.kinds import Row
 from handfast.proofs.question import read_question
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check, maximum, torques
 from tests.support.problems import bell, nest, pinch, solved, table
 
 

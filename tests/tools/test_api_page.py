@@ -17,10 +17,10 @@ def test_every_group_of_names_has_a_table_of_them() -> None:
 
 
 def test_the_tables_are_written_once() -> None:
-    plain = "Words.\n\n::: handfast.stability.answers.check\n"
+    plain = "Words.\n\n::: handfast.stability.studies.questions.check\n"
     plain += "::: handfast.pictures\n    options:\n      members: [Entry]\n"
     once = listed(plain)
     assert once.startswith(f"Words.\n\n{HEAD}| `check` | Does the grasp resist a disturbance passively?")
-    assert "| `Entry` | A question and its answer. |\n\n::: handfast.stability.answers.check\n" in once
+    assert "| `Entry` | A question and its answer. |\n\n::: handfast.stability.studies.questions.check\n" in once
     assert listed(once) == once
     assert listed(once.replace("Does the", "What the")) == once

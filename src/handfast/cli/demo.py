@@ -22,9 +22,8 @@ from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.readers.grasp_file import save_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.maps import force_map
+from handfast.stability.studies.questions import check, force_map, maximum, torques
 
 HAND, CONFIGURATION = "barrett-bh8-280", "fig1"
 SMALL, LARGE = 2.2, 2.5  # [N] the paper's two disturbances in y, one on each side of the limit

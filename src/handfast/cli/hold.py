@@ -29,7 +29,8 @@ from handfast.pictures.words import num
 from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.hold import HoldAnswer, hold
+from handfast.stability.studies.hold import HoldAnswer
+from handfast.stability.studies.questions import hold
 
 LITTLE = 1.01  # margin: no more than the smallest preload leaves
 TOGETHER = (".jsonl", ".ndjson")  # files of many grasps

@@ -14,7 +14,8 @@ from handfast.cli.load_options import WeightOptions
 from handfast.cli.options import Command, EndsIn, LoadingOrder, QueryOptions, Triple, Wrench, write_as
 from handfast.core.errors import InputError
 from handfast.pictures import Entry
-from handfast.stability.studies.maps import MapAnswer, SweepAnswer, force_map, sweep
+from handfast.stability.studies.maps import MapAnswer, SweepAnswer, sweep
+from handfast.stability.studies.questions import force_map
 
 Figures = Annotated[Path | None, arg(metavar="FILE", aliases=["-o"]), EndsIn((".png", ".svg", ".csv", ".json"))]
 

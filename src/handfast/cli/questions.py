@@ -18,11 +18,12 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.pictures import Entry
 from handfast.pictures.words import direction_text, load_text, num
-from handfast.stability.answers import CheckAnswer, check, maximum, torques
+from handfast.stability.answers import CheckAnswer
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.margin_search import RUBBER_PAD, margin
+from handfast.stability.studies.questions import check, maximum, torques
 
 
 @dataclass(kw_only=True)

@@ -23,9 +23,10 @@ from handfast.simulation.result import Ending, SimulationResult
 from handfast.simulation.settled import Rest, Settled, verdict_of
 from handfast.simulation.settling import settle
 from handfast.simulation.simulate import simulate, simulate_bodies
-from handfast.stability.answers import MaxAnswer, maximum
+from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 
 SLOWLY = 4.0  # [s of the twin] for commands that a path is compared with
 

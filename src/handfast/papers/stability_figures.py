@@ -28,10 +28,10 @@ from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.stability.answers import check
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.maps import force_map, sweep
+from handfast.stability.studies.maps import sweep
+from handfast.stability.studies.questions import check, force_map
 
 HELD = np.array([0, 2.2, 0, 0, 0, 0])  # Fig. 5: 2.2 N along +y
 UNHELD = np.array([0, 1.0, 0, 0, 0, 0])  # section VII-A: 1 N along +y, without preload

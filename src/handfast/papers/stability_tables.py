@@ -24,13 +24,13 @@ from handfast.papers.mixed_integer_solvers import installed
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp, to_dict
 from handfast.readers.load_body import load_body
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import SMALLEST_PRELOAD
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import check, maximum, torques
 
 # --- Table I ------------------------------------------------------------------------------------------------------
 

@@ -22,7 +22,8 @@ from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.plan import Plan
 from handfast.readers.load_body import load_body
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.maps import PLANES, Plane, force_map
+from handfast.stability.studies.maps import PLANES, Plane
+from handfast.stability.studies.questions import force_map
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis
 

@@ -31,10 +31,11 @@ from handfast.simulation.hand_drive import (
 from handfast.simulation.settled import PathPoint, Rest, Settled
 from handfast.simulation.simulate import force_unit, simulate
 from handfast.simulation.slow_motion import CARRIES, FARTHEST, STIFFNESS, STILL, Moved, PointLoad, SlowMotion
-from handfast.stability.answers import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.answers.load_path import LoadPath, comes_after
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.settings import Loading, Settings
+from handfast.stability.studies.questions import check, maximum
 
 MOST_STEPS = 2000
 COMMANDS, LOADS = 4, 20  # equal parts in which commands and load come

@@ -15,7 +15,7 @@ from handfast.measures.catalogue import CATALOGUE
 from handfast.measures.measuring import measure
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import from_dict
-from handfast.stability.answers import check, maximum, torques
+from handfast.stability.studies.questions import check, maximum, torques
 from tests.support.labelled import MASS, fixture, heavy
 from tests.support.problems import pinch
 

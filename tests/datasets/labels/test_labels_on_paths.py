@@ -17,7 +17,7 @@ from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.labeller import Labelling, label
 from handfast.datasets.labels.questions import LargestLoad, Questions
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.answers import check
+from handfast.stability.studies.questions import check
 from tests.stability.answers.test_load_path import FIRST, jaw
 from tests.support.labelled import write_lines
 

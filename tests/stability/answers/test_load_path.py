@@ -18,14 +18,15 @@ from handfast.proofs import path_steps
 from handfast.proofs.fields import BadFile
 from handfast.proofs.kinds import Row
 from handfast.proofs.rows import Columns, LeafRows, row_values
-from handfast.stability.answers import check, maximum
 from handfast.stability.answers.answer import any_state
 from handfast.stability.answers.check_query import _of_path
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.load_path import Follower, StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.solve import clock_of
+from handfast.stability.studies.questions import maximum
 from tests.support.problems import moved
 from tests.support.slow_cases import slow_after
 

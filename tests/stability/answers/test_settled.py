@@ -11,9 +11,10 @@ import pytest
 
 from handfast import load_grasp
 from handfast.core.answer import Stop, Verdict
-from handfast.stability.answers import check, maximum, torques
 from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum, torques
 
 UP, ONE = [0, 1, 0, 0, 0, 0], Settings(jobs=1)
 

@@ -11,7 +11,8 @@ from benchmarks.grasps import random_case
 from benchmarks.no_cap import question
 from handfast.core.answer import Verdict
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import check, maximum, torques
+from handfast.stability.answers.check_query import ask as check
+from handfast.stability.studies.questions import maximum, torques
 
 DATA = Path(__file__).parents[2] / "data"
 

@@ -19,7 +19,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.kinds import ContactState
-from handfast.stability.answers import check, maximum, torques
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.objective import INF, SMALLEST_PRELOAD, Objective
@@ -28,6 +28,7 @@ from handfast.stability.search import engine
 from handfast.stability.search.proof import Outcome
 from handfast.stability.search.reduced import Reduced
 from handfast.stability.studies.batch import check_many
+from handfast.stability.studies.questions import maximum, torques
 from tests.support.problems import bell, moved, nest, pinch, solved, table
 from tests.support.slow_cases import slow_after
 

@@ -18,13 +18,15 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures import sentences, words
 from handfast.pictures.map_picture import draw_map
 from handfast.readers.grasp_file import load_grasp, save_grasp
-from handfast.stability.answers import MaxAnswer, check, maximum
+from handfast.stability.answers import MaxAnswer
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import VALID
 from handfast.stability.search.interval_search import _Magnitudes, resisted
 from handfast.stability.search.proof import Outcome
-from handfast.stability.studies.maps import MapAnswer, force_map
+from handfast.stability.studies.maps import MapAnswer
+from handfast.stability.studies.questions import force_map, maximum
 from tests.support.interruptions import interrupt
 from tests.support.problems import pinch, table
 from tests.support.slow_cases import slow_after

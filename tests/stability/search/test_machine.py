@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from handfast.core.groups import Block, Layout
-from handfast.stability.answers import maximum
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search import arrays
 from handfast.stability.search.arrays import Workspace, WorkspaceLayout
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.studies.batch import max_many
+from handfast.stability.studies.questions import maximum
 from tests.support.problems import bell, solved
 
 QUESTION = """

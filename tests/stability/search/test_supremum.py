@@ -7,8 +7,9 @@ import pytest
 
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.stability.answers import check, maximum
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.questions import maximum
 
 TWIST = np.eye(6)[5]
 DOWN = -np.eye(6)[2]

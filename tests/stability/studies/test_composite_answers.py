@@ -10,13 +10,12 @@ import numpy as np
 
 from handfast import verify
 from handfast.core.answer import Verdict
-from handfast.stability.answers import check
 from handfast.stability.answers.margin import Margin, rubbed
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
-from handfast.stability.studies.hold import hold
-from handfast.stability.studies.maps import force_map, sweep
+from handfast.stability.studies.maps import sweep
 from handfast.stability.studies.margin_search import margin
+from handfast.stability.studies.questions import check, force_map, hold
 from tests.support.problems import pinch
 
 UP, SIDE = np.array([0, 1.0, 0, 0, 0, 0]), np.array([0.2, 0, 0, 0, 0, 0])

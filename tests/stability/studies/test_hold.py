@@ -19,10 +19,10 @@ from handfast.core.answer import SearchLimits
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.shape import Shape
-from handfast.stability.answers import maximum, torques
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads, load_loads
-from handfast.stability.studies.hold import HoldOptions, _HoldSearch, hold, moderate
+from handfast.stability.studies.hold import HoldOptions, _HoldSearch, moderate
+from handfast.stability.studies.questions import hold, maximum, torques
 from tests.support.problems import X, Y, Z, bell, nest, pinch
 
 ZERO = np.zeros(3)

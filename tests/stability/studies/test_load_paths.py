@@ -13,14 +13,15 @@ from handfast import Contact, Grasp, GraspJoint, Loads, Mechanism, load_grasp, p
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.proofs.fields import BadFile
-from handfast.stability.answers import check, load_path, maximum, torques
+from handfast.stability.answers import load_path
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.studies.ask_again import Asking
 from handfast.stability.studies.batch import check_many, max_many, torques_many
-from handfast.stability.studies.hold import HoldAnswer, hold
-from handfast.stability.studies.maps import force_map, sweep
+from handfast.stability.studies.hold import HoldAnswer
+from handfast.stability.studies.maps import sweep
+from handfast.stability.studies.questions import check, force_map, hold, maximum, torques
 from handfast.stability.studies.verify_maps import replay_sweep
 from tests.stability.answers.test_load_path import FIRST, MOTOR, jaw, padded
 

@@ -23,7 +23,8 @@ from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies import batch, maps
 from handfast.stability.studies.batch import max_many
-from handfast.stability.studies.maps import force_map, sweep
+from handfast.stability.studies.maps import sweep
+from handfast.stability.studies.questions import force_map
 from tests.support.problems import bell, pinch, table
 
 QUICK = Settings(gap=1e-2)

@@ -16,12 +16,12 @@ from handfast import InputError, verify
 from handfast.core.answer import Stop
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
-from handfast.stability.answers import maximum
 from handfast.stability.problem.grasp_limits import Terms
 from handfast.stability.problem.settings import INF, Settings
 from handfast.stability.studies import ask_again
 from handfast.stability.studies.ask_again import NO_TIME, Asking, BoundsClaim, Clock, VerdictClaim, figures_of, together
-from handfast.stability.studies.maps import force_map, sweep
+from handfast.stability.studies.maps import sweep
+from handfast.stability.studies.questions import force_map, maximum
 from handfast.stability.studies.verify_maps import replay_map, replay_sweep
 from tests.support.problems import bell, pinch
 

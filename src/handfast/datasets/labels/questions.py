@@ -16,14 +16,13 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import torques
 from handfast.stability.answers.batch_answer import BatchAnswer
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.studies.batch import max_many
-from handfast.stability.studies.hold import hold
 from handfast.stability.studies.prepared import PreparedGrasp, prepare
+from handfast.stability.studies.questions import hold, torques
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
 FEWEST = 64  # and nodes

@@ -34,7 +34,6 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
 from handfast.proofs.fields import SAME, BadFile, number, numbers, same
 from handfast.proofs.replay import Replay
-from handfast.stability.answers import torques
 from handfast.stability.problem.grasp_limits import Terms
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import INF
@@ -52,6 +51,7 @@ from handfast.stability.studies.ask_again import (
     figures_of,
     together,
 )
+from handfast.stability.studies.questions import torques
 
 COURSE = "open, stop, nodes, seconds: the course of the searches is recorded, and nothing rests on it"
 BROKEN = "rows that could not be labelled"

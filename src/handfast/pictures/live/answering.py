@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.pictures.live.view_state import ViewState
-from handfast.stability.answers import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import OnStep, Progress, Settings
+from handfast.stability.studies.questions import check, maximum
 
 DIRECTIONS = 72  # of a map
 ROUNDS = 0, 3, 1, 5, 2, 4  # each asks every sixth direction from there on: at first a coarse map all around

@@ -23,9 +23,10 @@ from handfast.planning.filters.balance import least_load_factor
 from handfast.planning.question import Requirements
 from handfast.planning.search import RejectionReason, Tally, UnitResult, of_verdict
 from handfast.proofs.contact_force_limits import ForceLimits
-from handfast.stability.answers import CheckAnswer, check
+from handfast.stability.answers import CheckAnswer
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, moderate
+from handfast.stability.studies.questions import check
 from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks
 
 SETTINGS = Settings(nodes=4000)  # nodes, not seconds: the same seed finds the same grasps

@@ -22,10 +22,11 @@ from handfast.geometry.contact_patch import few, reduced_contacts
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.question import PlanLimits
-from handfast.stability.answers import CheckAnswer, check
+from handfast.stability.answers import CheckAnswer
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.hold import STRONG, HoldAnswer, hold
+from handfast.stability.studies.hold import STRONG, HoldAnswer
+from handfast.stability.studies.questions import check, hold
 
 NODES = 150_000  # of a query of one contact, over the square of the contacts
 BOUNDING = 250_000  # of one for the least commands, whose proofs cost most, over the cube of the contacts

@@ -12,10 +12,10 @@ from handfast.core.answer import uninterrupted
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.preload_search import PATIENCE, checking_settings_for, settings_for
 from handfast.planning.question import PlanOptions
-from handfast.stability.answers import maximum
 from handfast.stability.answers.answer import finite
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.margin_search import margin
+from handfast.stability.studies.questions import maximum
 
 GAP = 1e-2  # of the margins: their bounds may be so far apart
 

@@ -6,8 +6,5 @@ What an answer claims, and how that is replayed, is in `handfast.proofs.answers`
 from __future__ import annotations
 
 from handfast.stability.answers.check_query import CheckAnswer as CheckAnswer
-from handfast.stability.answers.check_query import check as check
 from handfast.stability.answers.max_query import MaxAnswer as MaxAnswer
-from handfast.stability.answers.max_query import maximum as maximum
 from handfast.stability.answers.torques_query import TorquesAnswer as TorquesAnswer
-from handfast.stability.answers.torques_query import torques as torques

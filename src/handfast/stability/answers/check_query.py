@@ -7,18 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.stability.answers.answer import Answer, any_state
 from handfast.stability.answers.load_path import LoadPath, StepAnswer, check_path, comes_after
 from handfast.stability.answers.margin import Margin
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.search.solve import clock_of, time_left
@@ -49,8 +45,7 @@ class CheckAnswer(Answer):
         return Answer.to_file(self if self.margin is None else replace(self, margin=None))
 
 
-@kinds_checked
-def check(
+def ask(
     grasp: Grasp,
     wrench: Sequence[float] | Array,
     *,
@@ -60,25 +55,7 @@ def check(
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
 ) -> CheckAnswer:
-    """Does the grasp resist a disturbance passively? Stability paper, section VII-A, (20)-(22).
-
-    Args:
-        grasp: with the preload in force; an actuator without a command is locked.
-        wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin; three numbers are a
-            force. Many are for `check_many`, or for `prepare(grasp).check`.
-        limits: uncertainty of the contact normals, largest forces of actuators and at contacts.
-        mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
-            literature), for comparison only: it creates energy out of nothing.
-        loading: "together" is the paper's question, commands and load at once; "preload-first" asks for a path on which
-            the load grows after the commands alone are in balance: `CheckAnswer.path`, docs/load-path.md.
-        settings: precision, limits.
-        on_progress: called while it runs, with the bounds so far.
-
-    Raises:
-        InputError: see `handfast.stability.problem.scaled_problem.build`.
-    """
-    if is_table(wrench):
-        raise InputError("is several loads; check_many takes them, or prepare(grasp).check", field="wrench")
+    """What a search answers to `handfast.check`, whose arguments and errors these are."""
     settings = settings or Settings()
     after = comes_after(loading, mdp)
     p = scaled_problem.build(grasp, wrench, limits=limits, mdp=mdp)
@@ -99,14 +76,6 @@ def check_along(
     """The answer on the path to the load of a built problem; rest: as of `check_path`."""
     start = time.monotonic()
     return _of_path(check_path(p, settings, on_progress, rest), time.monotonic() - start)
-
-
-def is_table(wrench: Any) -> bool:
-    """Are there several wrenches?"""
-    try:
-        return isinstance(wrench, Loads) or np.ndim(wrench) > 1
-    except ValueError:  # rows of several lengths
-        return True
 
 
 def _of_path(path: LoadPath, seconds: float) -> CheckAnswer:

@@ -482,9 +482,16 @@ class PathsFromRest:
         self.limits = limits
         self._rest: StepAnswer | None = None
 
-    def answer(self, follow: Callable[..., A], grasp: Grasp, w: Array, settings: Settings) -> A:
+    def answer(
+        self,
+        follow: Callable[..., A],
+        grasp: Grasp,
+        w: Array,
+        settings: Settings,
+        on_progress: OnStep | None = None,
+    ) -> A:
         """The answer to a load or direction (6,), by `check_along` or `largest_along`; the grasp is always the same."""
-        answer = follow(scaled_problem.build(grasp, w, limits=self.limits), settings, rest=self._rest)
+        answer = follow(scaled_problem.build(grasp, w, limits=self.limits), settings, on_progress, rest=self._rest)
         assert isinstance(answer.path, LoadPath)
         self._rest = answer.path.rest
         return answer

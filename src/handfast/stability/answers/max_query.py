@@ -11,7 +11,6 @@ import numpy as np
 
 from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
@@ -156,8 +155,7 @@ class MaxAnswer(Answer):
         return out | {"arcs": arcs, "slips": [proof_to_dict(c) for c in shown.slips]}
 
 
-@kinds_checked
-def maximum(
+def ask(
     grasp: Grasp,
     direction: Sequence[float] | Array,
     *,
@@ -169,20 +167,7 @@ def maximum(
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
 ) -> MaxAnswer:
-    """The largest s such that the disturbance base + s direction is resisted: section VII-B, (23)-(25).
-
-    The resisted magnitudes need not be an interval: a smaller one may slip.
-
-    Args:
-        direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself. Three numbers
-            are a force at the object's origin.
-        base: (6,) a constant load such as gravity, or (3,) a force.
-        interval: show which smaller magnitudes are resisted, too, see `search/interval_search`.
-        loading: as of `check`; with "preload-first" the load grows from 0 on a path, `lower` is the last magnitude that
-            it reaches and `upper` one that cannot be reached from there. Larger ones may be resisted on other ways.
-
-    The other arguments and errors are those of `check`.
-    """
+    """What `handfast.maximum` answers, whose arguments and errors these are."""
     settings = settings or Settings()
     if comes_after(loading, mdp, base=base, interval=interval):
         p = scaled_problem.build(grasp, scaled_problem.as_direction(direction), limits=limits)

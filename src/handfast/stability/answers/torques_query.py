@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.proofs.path_commands import PathBound, PathCommands
 from handfast.stability.answers.answer import Answer, finite
@@ -78,8 +78,7 @@ class TorquesAnswer(Answer):
         return {"preload": self.preload, "lower": finite(self.lower), "upper": finite(self.upper)}
 
 
-@kinds_checked
-def torques(
+def ask(
     grasp: Grasp,
     wrench: Sequence[float] | Array,
     *,
@@ -90,25 +89,7 @@ def torques(
     settings: Settings | None = None,
     on_progress: OnStep | None = None,
 ) -> TorquesAnswer:
-    """The commands that resist a disturbance with the least effort: section VII-C, (26)-(27).
-
-    An actuator that need not turn is locked and costs nothing, whatever passive load its gearing
-    carries: that is (8), tau free where the command is zero.
-
-    Args:
-        wrench: (6,) force [N] and torque [N m] on the object, or (3,) a force at its origin.
-        objective: "max", the largest single command, or "sum".
-        actuators: whose commands are sought, each in the sense in which the grasp commands it, or else positive; by
-            default those that the grasp commands now, or all.
-            The others stay locked; backdrivable motors stay as the grasp commands them.
-        loading: "preload-first" asks for commands that hold on the load's path: some that were found, and a bound that
-            is true of all paths, see docs/load-path.md.
-
-    The other arguments and errors are those of `check`.
-
-    Raises:
-        InputError: also for an unknown objective or actuator, and for a backdrivable one.
-    """
+    """What `handfast.torques` answers, whose arguments and errors these are."""
     settings = settings or Settings()
     posed, names = posed_torques(grasp, wrench, objective, actuators, limits)
     if comes_after(loading):

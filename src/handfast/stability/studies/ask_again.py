@@ -25,9 +25,11 @@ from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Replay
-from handfast.stability.answers import MaxAnswer, check, maximum
+from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.load_path import AGREE
+from handfast.stability.answers.max_query import ask as maximum
 from handfast.stability.problem.bound_problem import grasp_data
 from handfast.stability.problem.grasp_limits import Terms
 from handfast.stability.problem.scaled_problem import unbalanced

@@ -36,12 +36,14 @@ from handfast.core.arrays import Array, Mask
 from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import CheckAnswer, MaxAnswer, check, torques
+from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.batch_answer import INTERRUPTED, AnswerRows, BatchAnswer
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.check_query import check_along
 from handfast.stability.answers.load_path import PathsFromRest, comes_after
 from handfast.stability.answers.max_query import Near, largest, largest_along
+from handfast.stability.answers.torques_query import ask as torques
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -247,6 +249,14 @@ def _ask(
             parts += [AnswerRows(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in left]
     wanted = W[0] if isinstance(grasps, Grasp) else W
     return BatchAnswer.of(options.query, wanted, parts, answers=options.answers, interval=options.interval)
+
+
+def is_table(wrench: Any) -> bool:
+    """Are there several wrenches?"""
+    try:
+        return isinstance(wrench, Loads) or np.ndim(wrench) > 1
+    except ValueError:  # rows of several lengths
+        return True
 
 
 def as_rows(wrenches: Any, g: int, field_: str) -> Array:

@@ -21,17 +21,20 @@ from typing import Any, TypeVar
 import numpy as np
 
 from handfast.core.answer import SearchLimits, Stop, Verdict, header
-from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
+from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.core.files import write_text
 from handfast.core.presented import Presented
 from handfast.model.grasp import Grasp
 from handfast.proofs import holds
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer, finite
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.check_query import check_along
 from handfast.stability.answers.load_path import PathsFromRest, comes_after
+from handfast.stability.answers.max_query import ask as maximum
+from handfast.stability.answers.torques_query import ask as torques
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
@@ -211,17 +214,8 @@ class HoldOptions:
         comes_after(self.loading)
 
 
-@kinds_checked
-def hold(grasp: Grasp, loads: Loads, *, on_progress: OnSample | None = None, **options: Any) -> HoldAnswer:
-    """One preload that resists every load, each on its own.
-
-    Args:
-        on_progress: told in words what is asked next.
-        options: of `HoldOptions`, by name: `hold(grasp, loads, margins=True, timeout=10)`.
-
-    The errors are those of `check` and `torques`.
-    """
-    asked = HoldOptions(**options)
+def ask(grasp: Grasp, loads: Loads, asked: HoldOptions, on_progress: OnSample | None = None) -> HoldAnswer:
+    """What `handfast.hold` answers."""
     compiled()
     whole = SearchLimits(asked.timeout)
     clock = SearchLimits((1 - MARGINS) * whole.seconds_left) if asked.margins else whole

@@ -221,8 +221,7 @@ class SweepAnswer(_Curves):
         }
 
 
-@kinds_checked
-def force_map(
+def ask_map(
     grasp: Grasp,
     plane: Plane = "xy",
     *,
@@ -232,22 +231,7 @@ def force_map(
     on_progress: OnItem | None = None,
     **options: Any,
 ) -> MapAnswer:
-    """The largest resisted force in every direction of a plane: stability paper, Figs 6, 8 and 10.
-
-    Args:
-        plane: of the object frame; directions run from its first axis towards its second.
-        at: (3,) [m] the point of the object at which the forces act, object frame: the disturbance is
-            (f, at x f). With the centre of mass it is a map of weights, one for every way to hold the object.
-        steps: number of directions, evenly spaced.
-        interval: show which smaller forces are resisted, too, in every direction; it takes many times as long.
-        on_progress: called with (done, total).
-        options: of `BatchOptions`, by name: `limits`, `settings`, `jobs`, `loading`. No proof is replayed.
-
-    Ctrl-C returns what was reached.
-
-    Raises:
-        InputError: what `maximum` refuses; an unknown plane, no directions, a point that is not three finite numbers.
-    """
+    """What `handfast.force_map` answers, whose arguments and errors these are."""
     if plane not in PLANES:
         raise InputError(f"is '{plane}'; one of {', '.join(PLANES)} is needed", field="plane")
     if not 1 <= steps <= MOST_STEPS:

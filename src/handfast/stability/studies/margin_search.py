@@ -18,7 +18,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, kinds_checked
 from handfast.core.transforms import cross
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability.answers import CheckAnswer, check
+from handfast.stability.answers import CheckAnswer
+from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.margin import Flip, Margin, rubbed, tilted
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.scaled_problem import as_wrench
