@@ -35,12 +35,12 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.stability import answers as queries
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies import maps
+from handfast.stability.studies import questions as queries
 
 RESULTS = Path(__file__).parent / "results" / "laws.json"
 SIZES = (3, 4, 5)
@@ -90,7 +90,7 @@ class Verbs:
     check: Callable[..., CheckAnswer] = queries.check
     maximum: Callable[..., MaxAnswer] = queries.maximum
     torques: Callable[..., TorquesAnswer] = queries.torques
-    force_map: Callable[..., maps.MapAnswer] = maps.force_map
+    force_map: Callable[..., maps.MapAnswer] = queries.force_map
 
 
 @dataclass

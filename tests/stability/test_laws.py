@@ -20,8 +20,8 @@ from benchmarks import laws
 from benchmarks.grasps import random_case
 from benchmarks.laws import LAWS, Change, Subject, Tally, Verbs
 from handfast.core.answer import Stop, Verdict
-from handfast.stability import answers as queries
 from handfast.stability.answers import MaxAnswer
+from handfast.stability.studies import questions as queries
 from handfast.stability.studies.maps import MapAnswer
 from handfast.stability.studies.questions import force_map
 

@@ -11,8 +11,8 @@ import pytest
 from benchmarks.grasps import random_case
 from handfast import InputError, Loads, check, force_map, hold, max_many, maximum, prepare, torques
 from handfast.model.grasp import Grasp
-from handfast.proofs.existence import prove
 from handfast.proofs import checker
+from handfast.proofs.existence import prove
 from handfast.stability.answers import answer as answer_module
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
