@@ -32,7 +32,7 @@ def answer(verify: bool) -> None:
     from dataclasses import fields
 
     from benchmarks.grasps import Case, cases
-    from handfast.stability.answers import maximum
+    from handfast import maximum
     from handfast.stability.problem.settings import Settings
 
     replay: dict[str, Any] = {"verify": verify} if "verify" in {f.name for f in fields(Settings)} else {}

@@ -18,7 +18,7 @@ from handfast.pictures.sentences import answer_sentence
 from handfast.proofs import path_steps
 from handfast.proofs.fields import BadFile
 from handfast.proofs.path_commands import DRIFT, PathCommands
-from handfast.stability.answers import TorquesAnswer, check, torques
+from handfast.stability.answers import TorquesAnswer
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import GraspLimits
@@ -26,6 +26,7 @@ from handfast.stability.problem.objective import ANY_STATE
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.path_bound import path_bound
 from handfast.stability.studies.batch import torques_many
+from handfast.stability.studies.questions import check, torques
 from tests.stability.answers.test_load_path import FIRST, jaw, padded
 from tests.support.problems import moved
 
