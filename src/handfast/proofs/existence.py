@@ -131,12 +131,13 @@ def polished(p: Problem, x: State) -> tuple[Problem, State]:
     return replace(p, magnitude=magnitude), State.of(p.grasp, v, forces)
 
 
-def nearby(p: Problem, x: State, gap: float, until: float = np.inf) -> tuple[Problem, State]:
+def nearby(p: Problem, x: State, gap: float, until: float = np.inf, thorough: bool = True) -> tuple[Problem, State]:
     """The problem and state nearest to x, with the magnitude at most a tenth of the gap lower, that is proved to exist.
 
     x: that `prove` does not show.
     gap: how far above the magnitude the other bound is. As they are where none is proved, until [s] of
     `time.monotonic`.
+    thorough: every mode is tried also of smaller magnitudes where Newton's method fails in the likeliest ones.
     """
     for share in (0.0, 1e-4, 1e-2, 1e-1):
         less = replace(p, magnitude=p.magnitude - share * gap)
@@ -145,8 +146,8 @@ def nearby(p: Problem, x: State, gap: float, until: float = np.inf) -> tuple[Pro
             if time.monotonic() > until:
                 return p, x
             solved, better = polished(tried, x)
-            if better is x and share == 0:
-                continue  # as it was asked before
+            if better is x and (share == 0 or not thorough):
+                continue  # at its own magnitude it was asked before
             found = solved if tried is less else less
             asked = found if share == 0 else fixed  # as an unknown the magnitude would lead back to where it was
             if found.magnitude >= p.magnitude - gap / 10 and prove(asked, better, until).exact:

@@ -110,7 +110,7 @@ class MaxAnswer(Answer):
         if lower.exact and lower.magnitude is not None and lower.magnitude[0] >= max(self.lower - room / 10, 0.0):
             return replace(self, lower=lower.magnitude[0])
         before = stated(w.state)
-        p, x = nearby(self._problem(w), before, room, until)
+        p, x = nearby(self._problem(w), before, room, until, thorough=not known.tolerant)
         if x is before:
             return self
         at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
