@@ -62,10 +62,17 @@ def answers() -> list[tuple[float, float, int]]:
     return [(a.lower, a.upper, a.nodes) for a in out] + rows
 
 
+@pytest.fixture(scope="module")
+def usual() -> list[tuple[float, float, int]]:
+    return answers()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("rest", [0.0, np.nan, -1.0, 1e300])
-def test_the_kernel_reads_nothing_that_nobody_wrote(monkeypatch: pytest.MonkeyPatch, rest: float) -> None:
-    usual, made = answers(), Block.__init__
+def test_the_kernel_reads_nothing_that_nobody_wrote(
+    usual: list[tuple[float, float, int]], monkeypatch: pytest.MonkeyPatch, rest: float
+) -> None:
+    made = Block.__init__
 
     def filled(self: Block, layout: Layout) -> None:
         made(self, layout)
