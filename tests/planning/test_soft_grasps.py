@@ -329,7 +329,7 @@ FORGED = {
     "about softer ones": ([of_question(0.01)], "torsion at its contacts is not 0.01 m"),
     "the contacts are points": ([of_contacts(None)], "is not 0 at a point contact"),
     "the contacts are softer": ([of_contacts(0.004)], "torsion at its contacts is not 0.003 m"),
-    "all are points": ([of_question(None), of_contacts(None), torques_left_out], "is not 0 at a point contact"),
+    "all are points": ([of_question(None), of_contacts(None), torques_left_out], "grasp 1"),
     "all are harder": ([of_question(1e-4), of_contacts(1e-4)], "grasp 1"),
     "witnesses without torsion": ([torques_left_out], "grasp 1"),
     "below 0": ([of_question(-0.003)], "torsion"),
