@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.proofs.fields import Array, Integers
-from handfast.proofs.intervals import TINY, ULP, Dual, Interval, cos, cross, join, orthonormal, sin, unit
+from handfast.proofs.intervals import TINY, ULP, Dual, Interval, cos, crossing, join, orthonormal, sin, unit
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import CouplingData, HandData, TaskData
 
@@ -134,7 +134,7 @@ class Arms:
                     chain.append(steps.setdefault((framed, j), len(steps)))
             chains.append(chain)
         links, joints = np.array(list(steps)).T
-        frame, p = frames(task, links)
+        frame, p = frames(hand, links)
         depth = max(len(chain) for chain in chains)
         moved, S = joints >= 0, len(joints)
         axis, anchor, ref, column = np.zeros((S, 3)), np.zeros((S, 3)), np.zeros(S), np.zeros(S, dtype=np.int64)
@@ -146,7 +146,7 @@ class Arms:
             anchor[revolute] = hand.anchors[joints[revolute]]
         direction = unit_or_zero(axis)
         turning, sliding = (Interval(direction.ends * some[:, None, None]) for some in (revolute, ~revolute))
-        first = frame @ cross(turning[:, None, :], Interval.of(np.eye(3))).swapped()  # columns axis x e_i
+        first = frame @ crossing(turning)
         steps_of = np.array([c + [0] * (depth - len(c)) for c in chains], dtype=np.int64).reshape(len(chains), depth)
         gain = np.zeros((*steps_of.shape, n, 2))
         k, d = np.nonzero(moved[steps_of])
@@ -190,9 +190,83 @@ class Arms:
         return Dual(x[..., 0], local[:2]), Dual(x[..., 1], local[2:]), by_all
 
 
-def frames(task: TaskData, links: Array) -> tuple[Interval, Interval]:
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Frames of N boxes: rotation (N, 3, 3) and place (N, 3), with derivatives."""
+
+    rotation: Dual
+    place: Dual
+
+    @classmethod
+    def fixed(cls, rotation: Interval, place: Array, N: int, n: int) -> Pose:
+        """One (3, 3), (3,) that depends on none of n variables, N times."""
+        return cls(_tiled(rotation, N, n), _tiled(Interval.of(place), N, n))
+
+    def then(self, other: Pose) -> Pose:
+        """The frame that stands at `other` in this one."""
+        return Pose(self.rotation @ other.rotation, self.moved(other.place))
+
+    @property
+    def inverse(self) -> Pose:
+        """This frame's parent, as it stands in this one."""
+        back = self.rotation.swapped()
+        return Pose(back, -rotated(back, self.place))
+
+    def moved(self, x: Dual) -> Dual:
+        """Points (N, 3) of this frame in its parent."""
+        return rotated(self.rotation, x) + self.place
+
+    def some(self, its: Integers) -> Pose:
+        """Of some of the boxes."""
+        return Pose(self.rotation.some(its), self.place.some(its))
+
+
+@dataclass(frozen=True, eq=False)
+class JointStep:
+    """A joint in the frame of its link; `turn` and `twice`: its axis as a cross product matrix, and that squared."""
+
+    ref: float
+    revolute: bool
+    axis: Interval
+    turn: Interval
+    twice: Interval
+    anchor: Array
+
+    @classmethod
+    def of(cls, hand: HandData, j: int) -> JointStep:
+        axis = unit(Interval.of(hand.axes[j][None]))[0]
+        turn = crossing(axis)
+        return cls(float(hand.ref[j]), bool(hand.revolute[j]), axis, turn, turn @ turn, hand.anchors[j])
+
+    def pose(self, value: Dual, *, back: bool = False) -> Pose:
+        """Where the joint at values (N,) has moved its link, in the frame before it; back: that frame in the link's."""
+        n, N = value.slope.shape[0], value.value.shape[0]
+        by = self.ref - value if back else value - self.ref
+        eye = Interval.of(np.eye(3))
+        if not self.revolute:
+            return Pose(_tiled(eye, N, n), by[..., None] * self.axis)
+        s, c = sin(by)[..., None, None], cos(by)[..., None, None]
+        rotation, anchor = s * self.turn + (1.0 - c) * self.twice + eye, _tiled(Interval.of(self.anchor), N, n)
+        return Pose(rotation, anchor - rotated(rotation, anchor))
+
+    def seen(self, at: Pose) -> tuple[Dual, Dual]:
+        """(N, 3) the direction of its axis, and a point on it, in the parent of a frame."""
+        n, N = at.place.slope.shape[0], at.place.value.shape[0]
+        return rotated(at.rotation, _tiled(self.axis, N, n)), at.moved(_tiled(Interval.of(self.anchor), N, n))
+
+
+def _tiled(x: Interval, N: int, n: int) -> Dual:
+    """The same N times, with n derivatives of 0."""
+    return Dual.constant(Interval(np.broadcast_to(x.ends, (N, *x.ends.shape))), n)
+
+
+def rotated(R: Dual, x: Dual) -> Dual:
+    """(N, 3) vectors turned by matrices (N, 3, 3)."""
+    return (R * x[..., None, :]).sum()
+
+
+def frames(hand: HandData, links: Array) -> tuple[Interval, Interval]:
     """(S, 3, 3) and (S, 3, 1) of the frames of links; at its place for a link that is -1."""
-    hand = task.hand
     poses = np.where((links >= 0)[:, None, None], hand.poses[links], np.eye(4))
     R = orthonormal(poses[:, :3, 0], poses[:, :3, 1])
     crooked = np.abs(R.mid - poses[:, :3, :3]).max(axis=(1, 2))

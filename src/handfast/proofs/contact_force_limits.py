@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handfast.proofs.chains import frames, unit_or_zero
+from handfast.proofs.chains import JointStep, Pose, frames
 from handfast.proofs.fields import Array
-from handfast.proofs.intervals import Interval, cos, cross, dot, sin, sqr, sqrt
+from handfast.proofs.intervals import Dual, Interval, cross, dot, sqr, sqrt
 from handfast.proofs.motors import Motors
 from handfast.proofs.regions import ContactSide
 from handfast.proofs.tasks import TaskData
@@ -182,31 +182,20 @@ class LeverArm:
         hand, N = self.task.hand, x.shape[0]
         at = self.side.at(x[:, :2])
         point, normal = at.point.value[:, 0], at.normal.value[:, 0]
-        turned = Interval(np.broadcast_to(Interval.of(np.eye(3)).ends, (N, 3, 3, 2)))
-        shift, u, omega = (Interval(np.zeros((N, 3, 2))) for _ in range(3))
-        # x of a step's frame is turned x + shift in that of the contact's link
-        for n, (i, j) in enumerate(self.steps):
-            if j < 0:  # inwards past the link's frame
-                frame, place = frames(self.task, np.array([i]))
-                turned = turned @ frame.swapped()
-                shift = shift - (turned @ place)[..., 0]
+        u, omega = (Interval(np.zeros((N, 3, 2))) for _ in range(2))
+        pose = Pose.fixed(Interval.of(np.eye(3)), np.zeros(3), N, 0)
+        for n, (i, j) in enumerate(self.steps):  # the frame inwards, as it stands in that of the contact's link
+            if j < 0:
+                frame, place = (a[0] for a in frames(hand, np.array([i])))
+                pose = pose.then(Pose.fixed(frame, place.mid[:, 0], N, 0).inverse)
                 continue
-            axis, anchor = unit_or_zero(hand.axes[j][None])[0], hand.anchors[j]
-            along = (turned @ axis[:, None])[..., 0]
+            step = JointStep.of(hand, j)
             if rate := self.rates.get(j):
-                about = (turned @ anchor[:, None])[..., 0] + shift
-                u = u + (cross(along, point - about) if hand.revolute[j] else along) * rate
-                omega = omega + along * rate if hand.revolute[j] else omega
-            if n == len(self.steps) - 1:
-                break
-            by = self.value(j, x) - hand.ref[j]
-            if hand.revolute[j]:
-                skew = cross(axis[None], Interval.of(np.eye(3))).swapped()  # axis x, as a matrix
-                back = np.eye(3) - sin(by)[:, None, None] * skew + (1.0 - cos(by))[:, None, None] * (skew @ skew)
-                shift = shift + (turned @ (anchor - (back @ anchor[:, None])[..., 0])[..., None])[..., 0]
-                turned = turned @ back
-            else:
-                shift = shift - along * by[:, None]
+                along, about = (a.value for a in step.seen(pose))
+                u = u + (cross(along, point - about) if step.revolute else along) * rate
+                omega = omega + along * rate if step.revolute else omega
+            if n < len(self.steps) - 1:
+                pose = pose.then(step.pose(Dual.constant(self.value(j, x), 0), back=True))
         pushed = dot(normal, u)
         slip = sqr(u - normal * pushed[:, None]).sum()
         if not self.torsion:

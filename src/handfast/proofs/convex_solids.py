@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers
-from handfast.proofs.intervals import Dual, Interval, cross, dot, join, orthonormal, sqr, sqrt, unit
+from handfast.proofs.intervals import Dual, Interval, cross, dot, join, norm, orthonormal, unit
 from handfast.proofs.replay import Refused
 
 SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
@@ -81,25 +81,24 @@ class SolidData:
         A ball about a point, of the least of them if that is not negative, is inside the solid. Of a mesh without faces
         nothing is known: (N, 0).
         """
-        own = _turned(x - self.place, self.rotation)
+        own = (x - self.place) @ self.rotation
         if self.kind in ("box", "mesh"):
             middle = dot(self.normal, Interval.of(self.corner))  # n.(corner - x)
-            across = Dual(own.value @ self.normal.swapped(), own.slope @ self.normal.swapped())
-            return -across + middle
+            return middle - own @ self.normal.swapped()
         size = self.size.tolist()
         if self.kind == "ellipsoid":
-            return ((1.0 - _length(own * (Interval.of(1.0) / self.size))) * min(size))[..., None]
+            return ((1.0 - norm(own * (Interval.of(1.0) / self.size))) * min(size))[..., None]
         if self.kind == "sphere":
-            return (size[0] - _length(own))[..., None]
+            return (size[0] - norm(own))[..., None]
         along = own[..., 2]
         if self.kind == "cylinder":
-            sides = [size[0] - _length(own[..., :2]), size[1] / 2 - along, size[1] / 2 + along]
+            sides = [size[0] - norm(own[..., :2]), size[1] / 2 - along, size[1] / 2 + along]
             return join([a[..., None] for a in sides], -1)
         ends = np.zeros((len(along.value.ends), 3))
         ends[:, 2] = np.clip(
             np.nan_to_num(along.value.mid), -size[1] / 2, size[1] / 2
         )  # a ball about a point of the axis
-        return (size[0] - _length(own - ends))[..., None]
+        return (size[0] - norm(own - ends))[..., None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,15 +153,6 @@ class SolidsData:
 
 def _link(f: Fields, name: str, links: list[str]) -> int:
     return links.index(f.text(name, among=links))
-
-
-def _turned(x: Dual, rotation: Interval) -> Dual:
-    """Vectors (N, 3) as they are in a frame that stands at a rotation (3, 3)."""
-    return Dual(x.value @ rotation, x.slope @ rotation)
-
-
-def _length(x: Dual) -> Dual:
-    return sqrt(sqr(x).sum())
 
 
 def solid_to_dict(kind: str, size: Any, pose: Array, vertices: Array) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from handfast.proofs.fields import Array, Mask
+from handfast.proofs.fields import Array, Integers, Mask
 
 ULP = 2.0**-52  # twice the relative error of one rounded operation
 TINY = 1e-290  # more than underflow can lose; not smaller, as subnormal numbers are slow
@@ -218,8 +218,21 @@ class Dual:
             return Dual(ratio, (self.slope - ratio * other.slope) / other.value)
         return Dual(self.value / other, self.slope / other)
 
+    def __matmul__(self, other: Dual | Interval) -> Dual:
+        if isinstance(other, Dual):
+            return Dual(self.value @ other.value, self.slope @ other.value + self.value @ other.slope)
+        return Dual(self.value @ other, self.slope @ other)
+
     def __rmatmul__(self, other: Interval | Array) -> Dual:
         return Dual(other @ self.value, other @ self.slope)
+
+    def swapped(self) -> Dual:
+        """The transpose of the last two axes."""
+        return Dual(self.value.swapped(), self.slope.swapped())
+
+    def some(self, its: Integers) -> Dual:
+        """Some along the first axis of the values."""
+        return Dual(self.value[its], Interval(self.slope.ends[:, its]))
 
     def sum(self) -> Dual:
         """Over the last axis."""
@@ -274,7 +287,12 @@ def cross(a: Number, b: Number) -> Number:
 
 def unit(a: Number) -> Number:
     """Vectors along the last axis, made of length 1."""
-    return a / sqrt(sqr(a).sum())[..., None]
+    return a / norm(a)[..., None]
+
+
+def norm(a: Number) -> Number:
+    """Lengths of vectors along the last axis."""
+    return sqrt(sqr(a).sum())
 
 
 def join(parts: Sequence[Number], axis: int) -> Number:
@@ -285,6 +303,11 @@ def join(parts: Sequence[Number], axis: int) -> Number:
     if isinstance(first, Dual):
         return Dual(join([p.value for p in parts], axis), join([p.slope for p in parts], axis))
     return Interval(np.concatenate([p.ends for p in parts], axis - 1))
+
+
+def crossing(axis: Interval) -> Interval:
+    """(..., 3, 3) the matrices that take x to axis x x, for axes (..., 3)."""
+    return cross(axis[..., None, :], Interval.of(np.eye(3))).swapped()  # columns axis x e_i
 
 
 def columns(parts: Sequence[Number]) -> Number:

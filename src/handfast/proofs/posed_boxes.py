@@ -18,13 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.chains import CROOKED
+from handfast.proofs.chains import JointStep, Pose, frames, rotated
 from handfast.proofs.contact_equations import Sides, rotations
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.impossibility import narrowed_by, whole
-from handfast.proofs.intervals import Dual, Interval, cos, cross, dot, join, orthonormal, sin, unit
-from handfast.proofs.replay import Refused
-from handfast.proofs.tasks import HandData, TaskData
+from handfast.proofs.intervals import Dual, Interval, dot, join
+from handfast.proofs.tasks import TaskData
 
 CHARTS = 4
 PALM = -1  # in place of a link: the palm frame, from which the base may move
@@ -34,50 +33,18 @@ TURNS = [f"turn:{i}" for i in range(3)]
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
-    """Frames of N boxes: rotation (N, 3, 3) and place (N, 3), with derivatives."""
-
-    rotation: Dual
-    place: Dual
-
-    def then(self, other: Pose) -> Pose:
-        """The frame that stands at `other` in this one."""
-        return Pose(_product(self.rotation, other.rotation), self.moved(other.place))
-
-    @property
-    def inverse(self) -> Pose:
-        """This frame's parent, as it stands in this one."""
-        back = _transposed(self.rotation)
-        return Pose(back, -_turned(back, self.place))
-
-    def moved(self, x: Dual) -> Dual:
-        """Points (N, 3) of this frame in its parent."""
-        return _turned(self.rotation, x) + self.place
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """A joint's motion in its link; `turn` and `twice`: its axis as a cross product matrix, and that squared."""
-
-    column: int
-    ref: float
-    revolute: bool
-    axis: Interval
-    turn: Interval
-    twice: Interval
-    anchor: Array
-
-
-@dataclass(frozen=True, eq=False)
 class _Edge:
-    """From a link to one beside it in the tree of links, downwards to a child or upwards to the parent."""
+    """From a link to one beside it in the tree of links, downwards to a child or upwards to the parent.
+
+    steps: the joints between, each with its column among the moving ones.
+    """
 
     start: int
     end: int
     child: int
     rotation: Interval
     place: Array
-    steps: tuple[_Step, ...]
+    steps: tuple[tuple[int, JointStep], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,35 +65,31 @@ class Posed:
 
     def some(self, its: Integers) -> Posed:
         """Of some of the boxes."""
-        poses = {link: Pose(_some(p.rotation, its), _some(p.place, its)) for link, p in self.poses.items()}
-        thing = Pose(_some(self.object.rotation, its), _some(self.object.place, its))
-        return Posed(poses, thing, *(_some(a, its) for a in (self.contact, self.rows, self.joints)))
+        poses = {link: pose.some(its) for link, pose in self.poses.items()}
+        return Posed(poses, *(a.some(its) for a in (self.object, self.contact, self.rows, self.joints)))
 
     def relative(self, link: int, body: int) -> Pose:
         """The frame of a link in that of another one, or of the `OBJECT`."""
         back, at, own = *self._back(body), self.poses[link]
-        place = _turned(back, own.place - at)
-        return Pose(_product(back, own.rotation), place + self.contact if body == OBJECT else place)
+        place = rotated(back, own.place - at)
+        return Pose(back @ own.rotation, place + self.contact if body == OBJECT else place)
 
     def seen(self, link: int, body: int, points: Array) -> Dual:
         """(N, 3) where points (N, 3) [m] of a link are in the frame of another link, or of the `OBJECT`."""
         n = self.rows.slope.shape[0]
         back, at = self._back(body)
-        out = _turned(back, self.poses[link].moved(Dual.constant(Interval.of(points), n)) - at)
+        out = rotated(back, self.poses[link].moved(Dual.constant(Interval.of(points), n)) - at)
         return out + self.contact if body == OBJECT else out
 
-    def axis(self, at: Pose, axis: Interval, anchor: Array) -> tuple[Dual, Dual]:
+    def axis(self, at: Pose, step: JointStep) -> tuple[Dual, Dual]:
         """(N, 3) the direction of a joint's axis, and a point on it, of a frame `at` in that of the `OBJECT`."""
-        n, N = self.rows.slope.shape[0], len(self.rows.value.ends)
-        back, place = self._back(OBJECT)
-        along, point = (Interval(np.broadcast_to(a.ends, (N, 3, 2))) for a in (axis, Interval.of(anchor)))
-        turned = _turned(back, _turned(at.rotation, Dual.constant(along, n)))
-        return turned, _turned(back, at.moved(Dual.constant(point, n)) - place) + self.contact
+        (back, place), (along, point) = self._back(OBJECT), step.seen(at)
+        return rotated(back, along), rotated(back, point - place) + self.contact
 
     def _back(self, body: int) -> tuple[Dual, Dual]:
         """(N, 3, 3) into the frame of a body; (N, 3) its origin, of the object its first contact: near what matters."""
         pose = self.object if body == OBJECT else self.poses[body]
-        return _transposed(pose.rotation), pose.place
+        return pose.rotation.swapped(), pose.place
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,9 +145,9 @@ class ContactBoxes:
         for k, (link, region) in enumerate(zip(self.task.links, self.task.on_hand, strict=True)):
             pose = poses[link]
             if k:
-                rows.append(pose.moved(point[..., k, :]) - origin - _turned(R, lifted[..., k, :] - lifted[..., 0, :]))
+                rows.append(pose.moved(point[..., k, :]) - origin - rotated(R, lifted[..., k, :] - lifted[..., 0, :]))
             # the hand's direction as the object sees it
-            seen = _turned(_transposed(R), _turned(pose.rotation, axis[..., k, :]))
+            seen = rotated(R.swapped(), rotated(pose.rotation, axis[..., k, :]))
             facing.append((dot(seen, normal[..., k, :]) * float(sides.sign[k, 0]))[..., None])
             if not region.ball:
                 level += [dot(seen, t[..., k, :])[..., None] for t in tangents]
@@ -196,13 +159,13 @@ class ContactBoxes:
         """Of joints that move the contacts: direction and a point (N, 3) of the axis in the object's frame."""
         out: dict[int, tuple[Dual, Dual]] = {}
         for e in {e.child: e for e in self.edges}.values():
-            pose, ahead = at.poses[e.child], [self.sides.drive.joints[step.column] for step in e.steps]
-            for step in reversed(e.steps):  # a joint leaves its own axis where it is
+            pose, ahead = at.poses[e.child], [self.sides.drive.joints[column] for column, _ in e.steps]
+            for column, step in reversed(e.steps):  # a joint leaves its own axis where it is
                 j = ahead.pop()
                 if j in wanted:
-                    out[j] = at.axis(pose, step.axis, step.anchor)
+                    out[j] = at.axis(pose, step)
                 if ahead and {*ahead} & {*wanted}:
-                    pose = pose.then(_step_pose(step, at.joints).inverse)
+                    pose = pose.then(step.pose(at.joints[..., column]).inverse)
         return out
 
     def narrowed(self, box: Array, over: Posed, middle: Posed) -> tuple[Mask, Array, Array]:
@@ -226,8 +189,7 @@ class ContactBoxes:
 
     def _poses(self, joints: Dual) -> dict[int, Pose]:
         n, N = joints.slope.shape[0], joints.value.shape[0]
-        eye, zero = Interval.of(np.tile(np.eye(3), (N, 1, 1))), Interval.of(np.zeros((N, 3)))
-        out = {self.task.links[0]: Pose(Dual.constant(eye, n), Dual.constant(zero, n))}
+        out = {self.task.links[0]: Pose.fixed(Interval.of(np.eye(3)), np.zeros(3), N, n)}
         steps: dict[int, Pose] = {}
         for e in self.edges:
             if e.child not in steps:
@@ -254,7 +216,7 @@ class ContactBoxes:
         if not (position.any() or axes.any()):
             return []
         there = poses[PALM].inverse.then(thing)
-        place = there.place - _turned(there.rotation, contact)
+        place = there.place - rotated(there.rotation, contact)
         turned = [there.rotation[..., i, k][..., None] for k, i in np.argwhere(axes)]
         return [place[..., np.flatnonzero(position)], *turned]
 
@@ -279,75 +241,24 @@ def _edges(task: TaskData, sides: Sides) -> tuple[_Edge, ...]:
             if end not in known:
                 known.add(end)
                 queue.append(end)
-                out.append(_Edge(at, end, child, *_frame(hand, child), _steps(hand, sides, child)))
-    return tuple(out)
-
-
-def _frame(hand: HandData, child: int) -> tuple[Interval, Array]:
-    """(3, 3) and (3,) of a link in its parent's frame; that of the base is the palm's."""
-    pose = hand.poses[child] if child else np.eye(4)
-    if (pose[:3, :3] == np.eye(3)).all():
-        return Interval.of(np.eye(3)), pose[:3, 3]
-    R = orthonormal(pose[None, :3, 0], pose[None, :3, 1])[0]
-    if not np.abs(R.mid - pose[:3, :3]).max() <= CROOKED:
-        raise Refused(f"link {hand.links[child].name} does not stand at a rotation")
-    return R, pose[:3, 3]
-
-
-def _steps(hand: HandData, sides: Sides, child: int) -> tuple[_Step, ...]:
-    out = []
-    for j in hand.links[child].joints:
-        axis = unit(Interval.of(hand.axes[j][None]))[0]
-        turn = cross(Interval(np.tile(axis.ends, (3, 1, 1))), Interval.of(np.eye(3))).swapped()
-        column = sides.drive.joints.index(j)
-        out.append(_Step(column, float(hand.ref[j]), bool(hand.revolute[j]), axis, turn, turn @ turn, hand.anchors[j]))
+                frame, place = (a[0] for a in frames(hand, np.array([child or -1])))  # the base's is the palm's
+                steps = ((sides.drive.joints.index(j), JointStep.of(hand, j)) for j in hand.links[child].joints)
+                out.append(_Edge(at, end, child, frame, place.mid[:, 0], tuple(steps)))
     return tuple(out)
 
 
 def _edge_pose(e: _Edge, joints: Dual, N: int, n: int) -> Pose:
     """Of the child in its parent's frame."""
-    frame = Interval(np.broadcast_to(e.rotation.ends, (N, 3, 3, 2)))
-    pose = Pose(Dual.constant(frame, n), Dual.constant(Interval.of(np.tile(e.place, (N, 1))), n))
-    for step in e.steps:
-        pose = pose.then(_step_pose(step, joints))
+    pose = Pose.fixed(e.rotation, e.place, N, n)
+    for column, step in e.steps:
+        pose = pose.then(step.pose(joints[..., column]))
     return pose
-
-
-def _step_pose(step: _Step, joints: Dual) -> Pose:
-    """Where a joint has moved its link, in the frame before it."""
-    n, N = joints.slope.shape[0], joints.value.shape[0]
-    eye = Interval.of(np.tile(np.eye(3), (N, 1, 1)))
-    by = joints[..., step.column] - step.ref
-    if not step.revolute:
-        return Pose(Dual.constant(eye, n), by[..., None] * step.axis)
-    s, c = sin(by)[..., None, None], cos(by)[..., None, None]
-    turned = s * step.turn + (1.0 - c) * step.twice + eye
-    anchor = Dual.constant(Interval.of(np.tile(step.anchor, (N, 1))), n)
-    return Pose(turned, anchor - _turned(turned, anchor))
 
 
 def _with(value: Interval, gains: Interval) -> Dual:
     """(N, J) with constant derivatives (n, J)."""
     n, J, _ = gains.ends.shape
     return Dual(value, Interval(np.broadcast_to(gains.ends[:, None], (n, len(value.ends), J, 2))))
-
-
-def _product(a: Dual, b: Dual) -> Dual:
-    """Matrix products (N, 3, 3)."""
-    return Dual(a.value @ b.value, a.slope @ b.value + a.value @ b.slope)
-
-
-def _transposed(a: Dual) -> Dual:
-    return Dual(a.value.swapped(), a.slope.swapped())
-
-
-def _some(a: Dual, its: Integers) -> Dual:
-    return Dual(a.value[its], Interval(a.slope.ends[:, its]))
-
-
-def _turned(R: Dual, x: Dual) -> Dual:
-    """(N, 3) vectors turned by matrices (N, 3, 3)."""
-    return (R * x[..., None, :]).sum()
 
 
 def mean_value(over: Dual, middle: Interval, away: Interval) -> tuple[Array, Array]:
