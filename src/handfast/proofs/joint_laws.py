@@ -104,7 +104,7 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
             sliders.append(shared(along))
     exact = given_torques(g.torque, g.R[back], g.command[back], reaction)
     exact += [rational(-2 * total) for _, total in sliders]
-    return _assembled(g, kept, f_c, R, both, stops, sliders, exact, drives, held)
+    return _assembled(g, f_c, stops, sliders, exact, drives, held)
 
 
 def _ties(l: int, rows: list[Array], both: Mask) -> tuple[Mask, list[dict[int, float]]]:
@@ -166,20 +166,19 @@ def shared(along: Array) -> tuple[Array, float]:
 
 def _assembled(
     g: GraspData,
-    kept: Integers,
     f_c: Array,
-    R_own: Array,
-    both: Mask,
     stops: list[tuple[int, float]],
     sliders: list[tuple[Array, float]],
     exact: list[fmpq],
     drives: bool,
     held: Mask,
 ) -> Equivalent:
-    tied, own = np.flatnonzero(both), len(kept)
+    lower, upper = g.stops
+    tied, kept = np.flatnonzero(lower & upper), np.flatnonzero(~g.backdrivable)
+    own = len(kept)
     l, rows = g.l + len(sliders), own + len(stops) + 2 * len(sliders)
     R, A = np.zeros((rows, l)), np.zeros((len(g.A) + len(tied), l))
-    R[:own, : g.l], A[: len(g.A), : g.l] = R_own, g.A
+    R[:own, : g.l], A[: len(g.A), : g.l] = g.R[kept], g.A
     A[len(g.A) + np.arange(len(tied)), tied] = 1.0
     for k, (j, sign) in enumerate(stops, start=own):
         R[k, j] = sign

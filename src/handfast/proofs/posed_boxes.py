@@ -66,7 +66,7 @@ class Posed:
     def some(self, its: Integers) -> Posed:
         """Of some of the boxes."""
         poses = {link: pose.some(its) for link, pose in self.poses.items()}
-        return Posed(poses, *(a.some(its) for a in (self.object, self.contact, self.rows, self.joints)))
+        return Posed(poses, self.object.some(its), *(a.some(its) for a in (self.contact, self.rows, self.joints)))
 
     def relative(self, link: int, body: int) -> Pose:
         """The frame of a link in that of another one, or of the `OBJECT`."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.geometry.contacts import THRESHOLD, contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
@@ -90,19 +90,48 @@ class GraspInScene:
         return motors_of(self.grasp, self.hand)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SettleOptions:
+    """How a grasp is followed to where it ends up.
+
+    Attributes:
+        at: (3,) [m] the point of the object, object frame, at which the force acts: it moves along, and the force keeps
+            its direction in the hand. A weight acts at the centre of mass. What torque is left keeps its direction.
+        follow: also a grasp that `check` certifies.
+        distance: [m] beyond which it has left; the grasp's size, or the object's if that is smaller, unless given.
+        steps: the most there may be.
+        judge: ask how much of the load the last grasp resists, and what `simulate` says of it.
+        loading: as of `check`, which is so asked about both grasps.
+        settings: of `check` and `maximum`, 20 s each unless given.
+
+    Raises:
+        InputError: a distance that is not above 0, no steps, an unknown way of loading.
+    """
+
+    at: Sequence[float] | Array = (0.0, 0.0, 0.0)
+    follow: bool = False
+    distance: float | None = None
+    steps: int = MOST_STEPS
+    judge: bool = True
+    loading: Loading = "together"
+    settings: Settings | None = None
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(self)
+        comes_after(self.loading)
+        if self.distance is not None and not (np.isfinite(self.distance) and self.distance > 0):
+            raise InputError(f"is {self.distance}; a length above 0 [m] is needed", field="distance")
+        if self.steps < 1:
+            raise InputError(f"is {self.steps}; at least 1 is needed", field="steps")
+
+
 @kinds_checked
 def settle(
     grasp: Grasp | GraspInScene,
     wrench: Sequence[float] | Array,
     *,
-    at: Sequence[float] | Array = (0.0, 0.0, 0.0),
-    follow: bool = False,
-    distance: float | None = None,
-    steps: int = MOST_STEPS,
-    judge: bool = True,
-    loading: Loading = "together",
-    settings: Settings | None = None,
     on_progress: OnPath | None = None,
+    **options: Any,
 ) -> Settled:
     """Where does the grasp end up under a load that it does not resist?
 
@@ -115,49 +144,38 @@ def settle(
     Args:
         grasp: whose provenance names hand, object and configuration, or with its scene.
         wrench: (6,) force [N] and torque [N m] on the object at its origin, object frame, or (3,) a force.
-        at: (3,) [m] the point of the object, object frame, at which the force acts: it moves along, and the force keeps
-            its direction in the hand. A weight acts at the centre of mass. What torque is left keeps its direction.
-        follow: also a grasp that `check` certifies.
-        distance: [m] beyond which it has left; the grasp's size, or the object's if that is smaller, unless given.
-        steps: the most there may be.
-        judge: ask how much of the load the last grasp resists, and what `simulate` says of it.
-        loading: as of `check`, which is so asked about both grasps.
-        settings: of `check` and `maximum`, 20 s each unless given.
         on_progress: called after each step with the share of the load and the distance moved [m].
+        options: of `SettleOptions`, by name: `settle(grasp, [0, 1, 0], judge=False)`.
 
     Raises:
         InputError: no files or changed ones, a wrench of another length, nothing that acts, soft fingers.
     """
     begun = time.perf_counter()
-    settings = settings or LIMIT
-    comes_after(loading)
+    asked = SettleOptions(**options)
+    settings, loading = asked.settings or LIMIT, asked.loading
     placed = grasp if isinstance(grasp, GraspInScene) else GraspInScene.of(grasp)
     grasp = placed.grasp
     grasp.refuse_soft_fingers("settling")
     w = np.asarray(wrench, dtype=float).ravel()
     w = frozen(np.r_[w, 0, 0, 0] if len(w) == 3 else w, (6,), "wrench")
     length = _length(placed)
-    bound = length if distance is None else distance
-    if not (np.isfinite(bound) and bound > 0):
-        raise InputError(f"is {bound}; a length above 0 [m] is needed", field="distance")
-    if steps < 1:
-        raise InputError(f"is {steps}; at least 1 is needed", field="steps")
-    load = _point_load(w, frozen(at, (3,), "at"), placed.pose)
+    bound = length if asked.distance is None else asked.distance
+    load = _point_load(w, frozen(asked.at, (3,), "at"), placed.pose)
     before = certified(grasp, w, settings, loading)
     found = Settled(
         Rest.HOLDS, grasp, before, w, (), placed.hand.joint_names, None, "load", grasp, before, w, None, None, "",
         placed.scene, 0.0, _notes(placed), loading,
     )  # fmt: skip
-    if follow or before is None or before.verdict is not Verdict.HOLDS:
+    if asked.follow or before is None or before.verdict is not Verdict.HOLDS:
         motion = _motion(placed, load, (force_unit(grasp, w), length))
         of_load = None if before is None or not isinstance(before.path, LoadPath) else before.path
         if loading != "together" and (of_load is None or not of_load.held):
             found = replace(found, notes=(*found.notes, NO_STATE))
-        path, onset, ending = _followed(motion, placed, bound, steps, on_progress, of_load)
+        path, onset, ending = _followed(motion, placed, bound, asked.steps, on_progress, of_load)
         found = replace(found, rest=ending, path=tuple(path), onset=onset[0], onset_of=onset[1])
         found = replace(found, last=None, after=None, last_wrench=None)
         if ending is Rest.RESTS:
-            found = _asked_again(found, placed, motion, load.wrench(motion.pose), settings, judge)
+            found = _asked_again(found, placed, motion, load.wrench(motion.pose), settings, asked.judge)
     return replace(found, seconds=time.perf_counter() - begun)
 
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError, kinds_checked
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.transforms import transform
 from handfast.model.grasp import Grasp
 from handfast.simulation.bodies import Bodies, BodyStepper, bodies_of, build_bodies
@@ -39,27 +41,11 @@ WINDOW = 25  # moments over which the rate at the end is taken, 0.5 s
 OnTime = Callable[[float, float], None]
 
 
-@kinds_checked
-def simulate(
-    grasp: Grasp,
-    wrench: Sequence[float] | Array,
-    *,
-    loading: Loading = "preload-first",
-    ramp: float = 8.0,
-    closing: float | None = None,
-    step: float = STEP,
-    stiffness: float = STIFFNESS,
-    on_progress: OnTime | None = None,
-    start: tuple[Array, Array] | None = None,
-) -> SimulationResult:
-    """Does the grasp resist the wrench in a simulation of its contacts (mujoco)?
+@dataclass(frozen=True, kw_only=True)
+class SimulationOptions:
+    """How commands and load come in a simulation, and how stiff it is.
 
-    The contacts are stiff points with Coulomb friction on the grasp's joints; gearings do not turn back. Nothing is
-    drawn at random: the same question has the same answer.
-
-    Args:
-        wrench: (6,) force [N] and torque [N m] on the object, at its origin, or (3,) a force; its directions stay while
-            the object moves, the point of the force moves along.
+    Attributes:
         loading: "preload-first": the commands first, then gearings that stay where they are, then the load grows. As a
             real hand does. "together": commands and load grow in proportion: the state that the model's one set of
             equations describes, which knows no history.
@@ -69,53 +55,89 @@ def simulate(
             ones lead to the state of the commands alone from which a path begins (`check` with this loading).
         step: [s of the twin] of the engine; rates by which endings are judged were measured at the default.
         stiffness: of a contact, in force units by grasp sizes; likewise.
-        on_progress: called with the time that has passed and the time there will be.
+
+    Raises:
+        InputError: times and a stiffness that are not above 0, times without end, an unknown way of loading.
+    """
+
+    loading: Loading = "preload-first"
+    ramp: float = 8.0
+    closing: float | None = None
+    step: float = STEP
+    stiffness: float = STIFFNESS
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(self)
+        times = {"ramp": self.ramp} if self.closing is None else {"ramp": self.ramp, "closing": self.closing}
+        for name, value in (*times.items(), ("step", self.step), ("stiffness", self.stiffness)):
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"is {value}; a number above 0 is needed", field=name)
+        for name, value in times.items():
+            if value > SLOWEST:
+                raise InputError(f"is {value:g}; at most {SLOWEST:g} s are possible", field=name)
+        if self.closing is not None and self.loading != "preload-first":
+            raise InputError("is for commands that come first; leave it out with 'together'", field="closing")
+        if self.loading not in ("preload-first", "together"):
+            raise InputError(f"is '{self.loading}'; 'preload-first' or 'together' is needed", field="loading")
+
+    @property
+    def preload_first(self) -> bool:
+        """Do the commands come before the load?"""
+        return self.loading == "preload-first"
+
+    @property
+    def seconds(self) -> float:
+        """[s of the twin] until it is over, if nothing takes longer."""
+        return self.ramp + HOLD + PRELOAD + (self.closing or 0.0)
+
+
+@kinds_checked
+def simulate(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    start: tuple[Array, Array] | None = None,
+    on_progress: OnTime | None = None,
+    **options: Any,
+) -> SimulationResult:
+    """Does the grasp resist the wrench in a simulation of its contacts (mujoco)?
+
+    The contacts are stiff points with Coulomb friction on the grasp's joints; gearings do not turn back. Nothing is
+    drawn at random: the same question has the same answer.
+
+    Args:
+        wrench: (6,) force [N] and torque [N m] on the object, at its origin, or (3,) a force; its directions stay while
+            the object moves, the point of the force moves along.
         start: virtual motions of object (6,) and joints (l,) as in a witness's state [N, N/m]: commands and load act in
             full from the beginning, and it begins where that equilibrium is, at this stiffness. Does it rest there?
+        on_progress: called with the time that has passed and the time there will be.
+        options: of `SimulationOptions`, by name: `simulate(grasp, [0, 1, 0], ramp=4.0)`.
 
     Raises:
         InputError: a wrench of another length, a load and commands that are all zero, times that are not above 0.
     """
-    w = _checked(wrench, ramp, step, stiffness, loading, closing)
+    asked, w = SimulationOptions(**options), _load(wrench)
     unit = force_unit(grasp, w)
-    twin = build_twin(grasp, unit, step=step, stiffness=stiffness)
+    twin = build_twin(grasp, unit, step=asked.step, stiffness=asked.stiffness)
     stepper = Stepper(twin, grasp, twin.scaled(w))
-    first = loading == "preload-first" and start is None
+    first = asked.preload_first and start is None
     if start is not None:
         from scipy.spatial.transform import Rotation
 
-        ramp = 0.0
-        per_newton = 1.0 / (unit * stiffness)  # [grasp sizes/N], so that r [N] is a motion
+        per_newton = 1.0 / (unit * asked.stiffness)  # [grasp sizes/N], so that r [N] is a motion
         r, q = (np.asarray(part, dtype=float) for part in start)
         turns = np.array([grasp.joints[j].type == "revolute" for j in twin.joints], dtype=bool)
         moved = per_newton * q[list(twin.joints)] * np.where(turns, twin.length, 1.0)
         turned = Rotation.from_rotvec(per_newton * twin.length * r[3:]).as_matrix()
         stepper.place(moved, transform(per_newton * r[:3], turned))
-    recording = Recording(stepper, step, ramp + HOLD + PRELOAD + (closing or 0.0), on_progress)
-    recording.run(ramp, preload=first, commands=not first and start is None, closing=closing)
-    return recording.result(grasp, w, loading, twin, stiffness)
+    ramp = 0.0 if start is not None else asked.ramp
+    recording = Recording(stepper, asked.step, asked.seconds - asked.ramp + ramp, on_progress)
+    recording.run(ramp, preload=first, commands=not first and start is None, closing=asked.closing)
+    return recording.result(grasp, w, asked.loading, twin, asked.stiffness)
 
 
-def _checked(
-    wrench: Sequence[float] | Array,
-    ramp: float,
-    step: float,
-    stiffness: float,
-    loading: str,
-    closing: float | None = None,
-) -> Array:
-    """(6,) the load; `InputError` for numbers that are not above 0, times without end, an unknown way of loading."""
-    times = {"ramp": ramp} if closing is None else {"ramp": ramp, "closing": closing}
-    for name, value in (*times.items(), ("step", step), ("stiffness", stiffness)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"is {value}; a number above 0 is needed", field=name)
-    for name, value in times.items():
-        if value > SLOWEST:
-            raise InputError(f"is {value:g}; at most {SLOWEST:g} s are possible", field=name)
-    if closing is not None and loading != "preload-first":
-        raise InputError("is for commands that come first; leave it out with 'together'", field="closing")
-    if loading not in ("preload-first", "together"):
-        raise InputError(f"is '{loading}'; 'preload-first' or 'together' is needed", field="loading")
+def _load(wrench: Sequence[float] | Array) -> Array:
+    """(6,) as a load is given."""
     return frozen(scaled_problem.as_wrench(wrench), (6,), "wrench")
 
 
@@ -151,13 +173,9 @@ def simulate_bodies(
     grasp: Grasp,
     wrench: Sequence[float] | Array,
     *,
-    loading: Loading = "preload-first",
-    ramp: float = 8.0,
-    closing: float | None = None,
-    step: float = STEP,
-    stiffness: float = STIFFNESS,
-    on_progress: OnTime | None = None,
     bodies: Bodies | None = None,
+    on_progress: OnTime | None = None,
+    **options: Any,
 ) -> SimulationResult:
     """Do hand and object themselves resist the wrench? Where they touch is found by the engine as they move.
 
@@ -168,13 +186,12 @@ def simulate_bodies(
     Raises:
         InputError: as `simulate` does; hand or object are not known or not those of this grasp.
     """
-    w = _checked(wrench, ramp, step, stiffness, loading, closing)
-    twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), step=step, stiffness=stiffness)
-    first = loading == "preload-first"
-    end = ramp + HOLD + PRELOAD + (closing or 0.0)
-    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, end, on_progress)
-    recording.run(ramp, preload=first, commands=not first, closing=closing)
-    return recording.result(grasp, w, loading, twin, stiffness, bodies=True)
+    asked, w = SimulationOptions(**options), _load(wrench)
+    how = {"step": asked.step, "stiffness": asked.stiffness}
+    twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), **how)
+    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), asked.step, asked.seconds, on_progress)
+    recording.run(asked.ramp, preload=asked.preload_first, commands=not asked.preload_first, closing=asked.closing)
+    return recording.result(grasp, w, asked.loading, twin, asked.stiffness, bodies=True)
 
 
 # --- the run ---
