@@ -165,15 +165,14 @@ def ask(
     interval: bool = False,
     loading: Loading = "together",
     settings: Settings | None = None,
-    on_progress: OnStep | None = None,
 ) -> MaxAnswer:
     """What `handfast.maximum` answers, whose arguments and errors these are."""
     settings = settings or Settings()
     if comes_after(loading, mdp, base=base, interval=interval):
         p = scaled_problem.build(grasp, scaled_problem.as_direction(direction), limits=limits)
-        return largest_along(p, settings, on_progress)
+        return largest_along(p, settings)
     p = scaled_problem.build(grasp, np.zeros(6) if base is None else base, direction, limits=limits, mdp=mdp)
-    return largest(p, settings, on_progress, interval=interval)
+    return largest(p, settings, interval=interval)
 
 
 def largest_along(

@@ -23,11 +23,11 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check_query, max_query, torques_query
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check_query, torques_query
 from handfast.stability.answers.batch_answer import AnswerRows, BatchAnswer
 from handfast.stability.answers.check_query import check_along
 from handfast.stability.answers.load_path import comes_after
-from handfast.stability.answers.max_query import largest_along
+from handfast.stability.answers.max_query import largest, largest_along
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -173,7 +173,9 @@ class PreparedGrasp:
         if comes_after(self.loading, **asked):
             d = scaled_problem.as_direction(direction)
             return self._kernel.paths.answer(largest_along, self.grasp, d, self.settings, on_progress)
-        return max_query.ask(self.grasp, direction, on_progress=on_progress, **self._options, **asked)
+        w = np.zeros(6) if base is None else base
+        p = scaled_problem.build(self.grasp, w, direction, limits=self.limits, mdp=mdp)
+        return largest(p, self.settings, on_progress, interval=interval)
 
     @overload
     def torques(
