@@ -8,15 +8,16 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from handfast.core.arrays import Array
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
-from handfast.proofs.chains import CROOKED, Arms, Drive, orthonormal
+from handfast.proofs.chains import CROOKED, Arms, Drive, JointStep, Pose, orthonormal
 from handfast.proofs.contact_equations import rotations
 from handfast.proofs.fields import Fields
-from handfast.proofs.intervals import TINY, ULP, Dual, Interval
+from handfast.proofs.intervals import TINY, ULP, Dual, Interval, crossing
 from handfast.proofs.regions import ContactSide, _weights, read_region
 from handfast.proofs.replay import Refused
 from handfast.readers.region_file import region_to_dict
@@ -238,3 +239,26 @@ def test_a_revolute_and_a_prismatic_joint_move_what_is_behind_them() -> None:
     np.testing.assert_allclose(by_joints.mid[0, 1, 0, 0], Y, atol=1e-15)
     np.testing.assert_allclose(by_joints.mid[1, 0, 0, 0], -X, atol=1e-15)
     np.testing.assert_allclose(by_joints.mid[1, 1, 0, 0], 0, atol=1e-15)
+
+
+@pytest.mark.parametrize("revolute", [True, False])
+def test_a_joint_moves_its_link_about_its_own_axis(revolute: bool) -> None:
+    """Points of a revolute joint's axis stay, a prismatic one moves all alike; the way back undoes both."""
+    axis, anchor, x = np.array([0.0, 0.6, 0.8]), np.array([0.3, -0.2, 0.5]), np.array([0.7, 0.1, -0.4])
+    turn = crossing(Interval.of(axis))
+    step = JointStep(0.25, revolute, Interval.of(axis), turn, turn @ turn, anchor)
+    value = Dual.constant(Interval.of([0.25, 1.05]), 0)
+    there, back = step.pose(value), step.pose(value, back=True)
+
+    def moved(pose: Pose, point: Array) -> Array:
+        out: Array = pose.moved(Dual.constant(Interval.of(np.tile(point, (2, 1))), 0)).value.mid
+        return out
+
+    for k, by in enumerate((0.0, 0.8)):
+        about = Rotation.from_rotvec(by * axis).apply(x - anchor) + anchor if revolute else x + by * axis
+        np.testing.assert_allclose(moved(there, x)[k], about, atol=1e-14)
+        np.testing.assert_allclose(moved(back, about)[k], x, atol=1e-14)
+    R, place = Rotation.from_rotvec([0.3, -0.4, 0.9]).as_matrix(), np.array([1.0, 2.0, 3.0])
+    along, point = step.seen(Pose.fixed(Interval.of(R), place, 2, 0))
+    np.testing.assert_allclose(along.value.mid, np.tile(R @ axis, (2, 1)), atol=1e-14)
+    np.testing.assert_allclose(point.value.mid, np.tile(R @ anchor + place, (2, 1)), atol=1e-14)
