@@ -361,7 +361,7 @@ def main() -> None:
         if not args.bench:
             parser.error("give --bench FOLDER")
         there = PublishedSet(args.bench, args.hand)
-        rows = [r for r in data["DexGraspBench"]["rows"] if "measures" in r and "paths" not in r]
+        rows = [r for r in data["DexGraspBench"]["rows"] if "measures" in r and "path" not in r.get("paths", {})]
         for row in rows[: args.count]:
             row["paths"] = there.paths(args.bench / GRASPS / row["name"])
             save(data)
