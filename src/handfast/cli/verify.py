@@ -130,7 +130,8 @@ def question_json(data: Mapping[str, Any]) -> dict[str, Any]:
         return {"sha256": data["question"], "loads": data["loads"]}
     if "task" in data:
         return task_json(task_from_dict(data["task"])) if "motors" not in data else question_of(grasps_from_dict(data))
-    return dict(data["question"]) | {"grasp": _about(grasp_file.from_dict(data["question"]["grasp"]))}
+    sought = {"sought": data["sought"]} if "sought" in data else {}
+    return dict(data["question"]) | {"grasp": _about(grasp_file.from_dict(data["question"]["grasp"]))} | sought
 
 
 def _about(g: Grasp) -> dict[str, Any]:
@@ -182,8 +183,8 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
         return
     asked = data["question"]
     g = grasp_file.from_dict(asked["grasp"])
-    sought = "loads" in asked or asked["goal"] == "torques"
-    out.print(f"\n{_opening(proved)} {_asked(asked)}", soft_wrap=True)
+    sought = "loads" in asked or asked["goal"] == "torques" or "sought" in data
+    out.print(f"\n{_opening(proved)} {_asked(asked, data.get('sought'))}", soft_wrap=True)
     facts = [words.grasp_text(g), "" if sought else f"preload {words.preload_text(g)}"]
     limits = asked["torque_limits"], asked["force_limit"]
     after = ["first the squeeze, then the load"] if "loading" in data.get("answer", ()) else []
@@ -279,12 +280,16 @@ def _opening(proved: bool) -> str:
     return "Proved:" if proved else "Asked:"
 
 
-def _asked(q: Mapping[str, Any]) -> str:
+def _asked(q: Mapping[str, Any], sought: Mapping[str, Any] | None = None) -> str:
+    """sought: of commands on a path."""
     if "loads" in q:
         return (
             f"one preload of {words.listed(q['actuators']) or 'no actuator'} for {words.count(len(q['loads']), 'load')}"
         )
     load = words.load_text(np.array(q["wrench"]))
+    if sought is not None:
+        names = [f"{'+' if sense > 0 else '-'}{name}" for name, sense in sought["senses"].items()]
+        return f"commands of {words.listed(names) or 'no actuator'} ({sought['objective']}) for {load}"
     if q["goal"] == "torques":
         return f"commands of {words.listed(q['driven']) or 'no actuator'} ({q['objective']}) for {load}"
     if q["direction"] is None:

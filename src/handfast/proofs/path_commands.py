@@ -100,6 +100,13 @@ class PathCommands:
         senses = {names[j]: int(self.senses[j]) for j in self.sought.tolist()}
         return {"senses": senses, "objective": "sum" if self.sums else "max"}
 
+    @property
+    def words(self) -> str:
+        """Whose commands are sought, in which sense, and what of them is small."""
+        names = self.question.grasp.actuators
+        each = ", ".join(f"{'+' if self.senses[j] > 0 else '-'}{names[j]}" for j in self.sought.tolist())
+        return f"{each or 'no actuator'} ({'sum' if self.sums else 'max'})"
+
     def cost(self, command: Array) -> float:
         """[N m or N] what commands (a,) are measured by."""
         sizes = np.abs(command[self.sought])
@@ -363,12 +370,13 @@ def leaf_bound(of: PathCommands, every: list[Row], case: dict[int, int], leaf: L
 
 def read_bound(f: Fields) -> PathBound:
     """The certificate in a parsed object. Raises `BadFile`."""
-    parent, part, case = (tuple(int(x) for x in f.numbers(name, (-1,))) for name in ("parent", "part", "case"))
+    parent, part, case = (_wholes(f.numbers(name, (-1,)), f.at(name)) for name in ("parent", "part", "case"))
     if not len(parent) == len(part) == len(case) or not 0 < len(parent) <= 2 * MOST_LEAVES:
         raise BadFile("has no tree", f.place)
     leaves = []
     for leaf in f.objects("leaves"):
         rows = leaf.numbers("rows", (-1, 2), []).reshape(-1, 2)
+        which = _wholes(rows[:, 0], leaf.at("rows"))
         tangents = []
         for data, place in leaf.items("tangents"):
             names = "state", "contact", "along", "y"
@@ -376,9 +384,15 @@ def read_bound(f: Fields) -> PathBound:
             x, i = t.whole("state"), t.whole("contact")
             tangents.append((x, i, tuple(t.numbers("along", (-1,)).tolist()), t.number("y")))
         leaf.done()
-        leaves.append(Leaf(tuple((int(k), float(y)) for k, y in rows), tuple(tangents)))
+        leaves.append(Leaf(tuple(zip(which, rows[:, 1].tolist(), strict=True)), tuple(tangents)))
     f.done()
     return PathBound(parent, part, case, tuple(leaves))
+
+
+def _wholes(values: Array, place: str) -> tuple[int, ...]:
+    if (values % 1).any():
+        raise BadFile("has a number that is not whole", place)
+    return tuple(int(x) for x in values)
 
 
 def read_sought(f: Fields, q: Question) -> PathCommands:
@@ -390,6 +404,10 @@ def read_sought(f: Fields, q: Question) -> PathCommands:
         if sense not in (1, -1) or g.backdrivable[j] or (g.tendon[j] and sense < 0):
             raise BadFile("is no sense of a command that can be sought; 1 or -1 is", f.at(f"senses.{name}"))
         senses[j] = sense
+    for j in np.flatnonzero((senses == 0) & (g.command != 0) & ~g.backdrivable).tolist():
+        raise BadFile(
+            f"leaves out '{g.actuators[j]}', which is commanded; what is not sought is locked", f.at("senses")
+        )
     sums = f.text("objective", among=("max", "sum")) == "sum"
     f.done()
     return PathCommands(q, senses, sums)

@@ -209,9 +209,9 @@ def _bounded(saved: SavedPath, sought: PathCommands) -> tuple[float, list[Replay
     try:
         lowest, reason = saved.bound.lower(sought), ""
     except BadFile as fault:
-        return 0.0, [Replay("bound", "no commands are enough", str(fault))]
+        return 0.0, [Replay("bound", f"no commands of {sought.words} are enough", str(fault))]
     lower = np.inf if saved.said["verdict"] == "slips" else saved.number("lower") or 0.0
-    claim = "no commands hold the load on a path"
+    claim = f"no commands of {sought.words} hold the load on a path"
     claim += "" if lower == np.inf else f" below {lower:.6g}"
     claim += f", with forces and motions up to {REACH * sought.scale:.6g} N"
     if not lowest >= lower:
@@ -282,8 +282,8 @@ def _torques(saved: SavedPath, sought: PathCommands, last: Step | None, ended: b
     if last is None or ended or last.magnitude != 1.0:
         raise Refused("HOLDS, but the whole load is not reached")
     upper = sought.cost(g.command)
-    if (sought.senses * g.command < 0).any() or g.command[(sought.senses == 0) & ~g.backdrivable].any():
-        raise Refused("a command has the wrong sense, or an actuator is commanded that was to stay locked")
+    if (sought.senses * g.command < 0).any():
+        raise Refused("a command has the wrong sense")
     if lower is None or not 0 <= lower <= min(lowest, upper):
         raise Refused(f"a lower bound of {lower}; {min(lowest, upper):.9g} is shown")
     moved = max(motion_size(g, s.witness.state.motion) for s in saved.steps if s.witness is not None)

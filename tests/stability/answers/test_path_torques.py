@@ -209,3 +209,38 @@ def test_a_row_of_another_case_is_refused() -> None:
     whole = replace(tree, parent=(-1,), part=(0,), case=(0,), leaves=(max(tree.leaves, key=lambda x: len(x.rows)),))
     with pytest.raises(BadFile, match="does not hold in its case"):
         whole.lower(answer.sought)
+
+
+def beside() -> Grasp:
+    """The jaw, squeezed with 1 N, and a slider that moves no contact."""
+    other = GraspJoint("other", (0, 0, 1), (0, 0, 0), (), "prismatic")
+    return Grasp(jaw().contacts, [jaw().joints[0], other], None, {"jaw": 1.0})
+
+
+def test_what_is_not_sought_is_locked_in_every_file() -> None:
+    """With 1 N at the jaw the load is held, with the jaw locked it is not: a file of the one cannot be of the other."""
+    load = [0, 0.6, 0]
+    assert check(beside(), load, loading=FIRST).verdict is Verdict.HOLDS
+    answer = found(beside(), load, actuators=["other"])
+    assert answer.verdict is Verdict.SLIPS
+    data = answer.to_file()
+    assert not path_steps.replay(path_steps.read_path(copy.deepcopy(data))).fault
+    data["question"]["grasp"]["preload"]["jaw"] = 1.0
+    with pytest.raises(BadFile, match=r"sought.senses: leaves out 'jaw', which is commanded; what is not sought"):
+        path_steps.read_path(data)
+
+
+@pytest.mark.parametrize(("objective", "words"), [("max", "+jaw, +other (max)"), ("sum", "+jaw, +other (sum)")])
+def test_the_claim_says_whose_commands_and_what_of_them(objective: str, words: str) -> None:
+    saved = path_steps.read_path(found(two_jaws(), [0, 0.6, 0], objective=objective).to_file())
+    (claim,) = (part.claim for part in path_steps.replay(saved).parts if part.name == "bound")
+    assert claim.startswith(f"no commands of {words} hold the load on a path below ")
+
+
+@pytest.mark.parametrize("change", [{"case": 0.5}, {"part": 0.5}, {"parent": 0.5}])
+def test_a_tree_has_whole_numbers(change: dict[str, float]) -> None:
+    data = found(jaw(), [0, 0.6, 0]).to_file()
+    for name, more in change.items():
+        data["bound"][name][-1] += more
+    with pytest.raises(BadFile, match="has a number that is not whole"):
+        path_steps.read_path(data)

@@ -64,6 +64,12 @@ def _told(answer: Any) -> dict[str, Any]:
     return out
 
 
+def test_a_preload_that_is_assigned_is_refused() -> None:
+    prepared = prepare(pinch())
+    with pytest.raises(AttributeError, match=r"call prepared.preload\({...}\)"):
+        prepared.preload = {}  # type: ignore[assignment, method-assign]
+
+
 @pytest.mark.parametrize("loading", ["together", "preload-first"])
 def test_a_question_has_one_answer_to_the_last_bit(loading: Any) -> None:
     """Asked alone or of a prepared grasp: what holds, slips, is the largest, the least commands, the preload, a map."""

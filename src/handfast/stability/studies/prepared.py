@@ -76,6 +76,11 @@ class PreparedGrasp:
         self._slipped: Proof | None = None  # of the last load that was searched for
         self._asked_before = False  # nothing is prepared for a single load: a search takes no longer
 
+    def __setattr__(self, name: str, value: object) -> None:
+        if name == "preload":  # it would hide the method, and the old commands stay in force
+            raise AttributeError("preload is a method: call prepared.preload({...})")
+        super().__setattr__(name, value)
+
     def preload(self, preload: Mapping[str, float] | Array | None) -> None:
         """Let other commands be in force: by actuator name, or (a,) [N m or N]; absent ones are locked.
 
