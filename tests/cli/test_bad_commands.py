@@ -60,7 +60,10 @@ WRONG = {
     "an object for a hand": (["plan", "can.json", "schunk-sah"], ["can.json: is an object; the hand comes first"]),
     "a unit beside a mass": (["plan", "barrett-bh8-280", "can", "--mass", "100g"], ["--mass: '100g' is not a number"]),
     "part of a job": (["plan", "barrett-bh8-280", "can", "--pool", "2.5"], ["--pool: '2.5' is not a whole number"]),
-    "all for one load": (["robust", "fig1", "--gravity", "all"], ["--gravity: 'all' is not a number"]),
+    "all for one load": (
+        ["robust", "fig1", "--gravity", "all"],
+        ["--gravity: is 'all', and one direction is needed here", "handfast hold asks about all"],
+    ),
     "a hand for a task": (
         ["synthesize", "hand.urdf"],
         ["hand.urdf: is a hand, and a task is needed; handfast propose hand.urdf OBJECT writes tasks"],

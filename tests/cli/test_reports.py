@@ -16,7 +16,7 @@ ASKED = {
     "measures": (["--no-passive"], ["force closure", "0.5745"]),
     "simulate": (
         ["--wrench", "0", "0", "0.5", "--ramp", "0.1"],
-        ["HOLDS  fig11 under 0.5 N along +z", "at rest after"],
+        ["HOLDS: fig11 under 0.5 N along +z.", "At rest after"],
     ),
 }
 

@@ -15,13 +15,13 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability import answers as queries
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem import judge
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search import search
+from handfast.stability.studies import questions as queries
 from tests.support.interruptions import ctrl_c, interrupt
 from tests.support.problems import Z, bell, nest, pinch, table
 

@@ -23,7 +23,6 @@ from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.objective import ANY_STATE, INF
 from handfast.stability.problem.settings import OnStep, Progress, Settings
-from handfast.stability.search.path_bound import path_bound
 from handfast.stability.search.solve import LEAST, clock_of
 
 FACTORS = 1.00001, 1.001, 1.02, 1.25, 2.0  # above the level at which a path ends
@@ -247,6 +246,8 @@ class _PathTorques:
         sought = PathCommands(whole.question, self.senses, self.sums)
         lower, bound, nodes = 0.0, None, 0
         if stop is not Stop.INTERRUPTED and self.upper > 0 and not clock.late:
+            from handfast.stability.search.path_bound import path_bound  # with scipy
+
             limits = SearchLimits(min(clock.seconds_left, BOUND))
             lower, bound, nodes = path_bound(sought, limits, self.upper * (1 - self.settings.gap))
         if self.best:

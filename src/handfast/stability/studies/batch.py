@@ -26,7 +26,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -53,7 +53,9 @@ from handfast.stability.problem.objective import ANY_STATE, LARGEST, SMALLEST_PR
 from handfast.stability.problem.scaled_problem import as_direction
 from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.search.reduced import Uneven
-from handfast.stability.studies.row_kernel import RowKernel
+
+if TYPE_CHECKING:
+    from handfast.stability.studies.row_kernel import RowKernel
 
 OnItem = Callable[[int, int], None]  # done, total
 Query = Literal["check", "max", "torques"]
@@ -341,7 +343,7 @@ def _ask_across(grasps: GraspRows, parts: Sequence[AnswerRows], row: int, option
     W, B = (np.array([rows[row] for rows in each]) for each in zip(*((p.wrenches, p.base) for p in parts), strict=True))
     goal = ANY_STATE if options.query == "check" else SMALLEST_PRELOAD
     try:
-        found = RowKernel(options.limits).ask(grasps, goal, W, B, options.settings)
+        found = _kernel(options.limits).ask(grasps, goal, W, B, options.settings)
     except Uneven as uneven:
         others = [part for part, same in zip(parts, uneven.most, strict=True) if same]
         _ask_across(grasps.rows(uneven.most), others, row, options)
@@ -353,6 +355,13 @@ def _ask_across(grasps: GraspRows, parts: Sequence[AnswerRows], row: int, option
 
 
 # --- the rows of one grasp ----------------------------------------------------------------------
+
+
+def _kernel(limits: GraspLimits) -> RowKernel:
+    """The engine loads when it is asked first."""
+    from handfast.stability.studies.row_kernel import RowKernel
+
+    return RowKernel(limits)
 
 
 def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: RowKernel | None = None) -> AnswerRows:
@@ -367,7 +376,7 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
         rows = rows[left[rows]]
         if len(rows) <= FEW and kernel is None:
             continue
-        kernel = kernel or RowKernel(options.limits)
+        kernel = kernel or _kernel(options.limits)
         found = kernel.ask(grasp, goal, part.wrenches[rows], part.base[rows], options.settings)
         if found is None:
             continue

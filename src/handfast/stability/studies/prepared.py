@@ -42,7 +42,6 @@ from handfast.stability.studies import maps
 from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as_base, as_rows, is_table
 from handfast.stability.studies.hold import HoldAnswer, HoldOptions, OnSample
 from handfast.stability.studies.maps import MapAnswer, Plane
-from handfast.stability.studies.row_kernel import RowKernel
 
 NEAR = 0.2  # of a load: how far another one is from it at most for which its certificate is tried
 MOST_LEAVES = 100  # of such a certificate: with more a search takes no longer
@@ -69,6 +68,8 @@ class PreparedGrasp:
         settings: Settings | None = None,
         loading: Loading = "together",
     ) -> None:
+        from handfast.stability.studies.row_kernel import RowKernel  # the engine loads when it is asked first
+
         limits.check_backdrivable(grasp)
         comes_after(loading)
         self.grasp, self.limits, self.settings, self.loading = grasp, limits, settings or Settings(), loading
