@@ -17,8 +17,8 @@ from handfast.papers import friction_relaxation, mixed_integer_solvers
 from handfast.papers.algorithm1 import RefinementSettings, check, maximum, torques
 from handfast.papers.mixed_integer import SolverResult, SolverStatus
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability import answers as queries
 from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.studies import questions as queries
 from tests.support.problems import bell, nest, pinch, solved, table
 
 pytestmark = [
