@@ -195,6 +195,7 @@ BOMBS = {
 def limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small ones, so that they are met soon."""
     monkeypatch.setattr(published_file, "MEMORY", 2**24)  # [bytes]
+    monkeypatch.setattr(published_file, "MEMORY_A_BYTE", 0)
     monkeypatch.setattr(published_file, "SECONDS", 1)
 
 
@@ -220,8 +221,9 @@ def test_small_files_that_would_take_all_memory_time_or_the_stack(name: str, lim
 @ON_LINUX
 def test_a_file_that_ends_its_process_leaves_those_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(published_file, "MEMORY", 2**24)  # [bytes]
+    monkeypatch.setattr(published_file, "MEMORY_A_BYTE", 0)
     bomb, fair = tmp_path / "bomb.pkl", saved_npy(tmp_path / "cube.npy", np.array([dexgraspnet_row()], dtype=object))
-    bomb.write_bytes(b"\x80\x04" + 4 * BOMBS["lists"][:-2] + BOMBS["lists"][-2:])
+    bomb.write_bytes(b"\x80\x04" + BOMBS["lists"])
     said, read = (found.row for found in sources([bomb, fair]))
     assert isinstance(read, RecordedGrasp)
     assert isinstance(said, BrokenRow)
