@@ -21,6 +21,7 @@ from handfast.pictures.words import num
 from handfast.planning.results.grasps_file import SavedGrasps
 from handfast.planning.results.grasps_file import from_dict as grasps_from_dict
 from handfast.planning.results.verify import question_of
+from handfast.proofs.path_commands import sought_words
 from handfast.readers import grasp_file
 from handfast.saved import stated, verify
 from handfast.stability.studies.ask_again import LARGEST_GAP
@@ -288,8 +289,7 @@ def _asked(q: Mapping[str, Any], sought: Mapping[str, Any] | None = None) -> str
         )
     load = words.load_text(np.array(q["wrench"]))
     if sought is not None:
-        names = [f"{'+' if sense > 0 else '-'}{name}" for name, sense in sought["senses"].items()]
-        return f"commands of {words.listed(names) or 'no actuator'} ({sought['objective']}) for {load}"
+        return f"commands of {sought_words(**sought)} for {load}"
     if q["goal"] == "torques":
         return f"commands of {words.listed(q['driven']) or 'no actuator'} ({q['objective']}) for {load}"
     if q["direction"] is None:

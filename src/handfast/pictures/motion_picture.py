@@ -20,7 +20,7 @@ from handfast.pictures import Entry, write_report
 from handfast.pictures.camera import View, views
 from handfast.pictures.drawing import AMBER, ARROW, BLUE, GREY, INK, MAROON, solids, windowed
 from handfast.pictures.scene import Mesh, MovingScene, applied, scene_meshes, source_meshes
-from handfast.pictures.words import count, listed, load_text, num
+from handfast.pictures.words import count, listed, load_text, num, sentence
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.settled import PathPoint, Rest, Settled, verdict_of
 
@@ -76,7 +76,7 @@ def details(found: Settled) -> list[str]:
             lines.append(f"In the object's axes there, the load is {load_text(found.last_wrench)}.")
         if found.simulated:
             lines.append(f"A simulation of the last grasp alone: {found.simulated}.")
-    return [*lines, *(f"{note[0].upper()}{note[1:]}." for note in found.notes)]
+    return [*lines, *map(sentence, found.notes)]
 
 
 def draw_settled(found: Settled, frames: int = PICTURES) -> Figure:
@@ -154,7 +154,7 @@ def report_settled(path: str | Path, found: Settled, *, force: bool = False) -> 
     meshes = source_meshes(grasp)[0]
     if at is not None:
         meshes = scene_meshes(found.scene.hand, at.q, found.scene.body, at.pose)
-    notes = [f"{headline(found)[0].upper()}{headline(found)[1:]}.", " ".join(details(found))]
+    notes = [sentence(headline(found)), " ".join(details(found))]
     facts = [
         ("ending", str(found.rest)),
         ("moved", f"{num(1e3 * found.moved, 3)} mm, turned by {num(float(np.degrees(found.turned)), 3)}°"),

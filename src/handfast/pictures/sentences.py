@@ -178,8 +178,7 @@ def interval_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> 
         parts.append(f"it slips from {ranges(i.holes)}, though more is resisted")
     if i.unproved:
         parts.append(f"from {ranges(i.unproved)} not all is decided")
-    text = "; ".join(parts) + "."
-    return text[0].upper() + text[1:]
+    return words.sentence("; ".join(parts))
 
 
 def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -> str:
@@ -333,8 +332,7 @@ def map_sentence(answer: MapAnswer) -> str:
             if more := states.count("open") - unknown:
                 text += f"; how much more is resisted in {more} of them was not decided"
             parts.append(text)
-    text = "; ".join(parts)
-    return text[:1].upper() + text[1:] + "."
+    return words.sentence("; ".join(parts))
 
 
 def hold_sentence(answer: HoldAnswer) -> str:

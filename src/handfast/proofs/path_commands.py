@@ -21,6 +21,7 @@ gives way in (1), (2) and (3) by `DRIFT` of the load, which is more than what st
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
@@ -44,7 +45,7 @@ Condition = tuple[int, int] | None  # a part and its case
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class PathRow:
     """terms . x = right, or >= right, in all cases or where a part has one; `slack`: by how much it may be missed."""
 
     terms: dict[int, fmpq]
@@ -103,9 +104,7 @@ class PathCommands:
     @property
     def words(self) -> str:
         """Whose commands are sought, in which sense, and what of them is small."""
-        names = self.question.grasp.actuators
-        each = ", ".join(f"{'+' if self.senses[j] > 0 else '-'}{names[j]}" for j in self.sought.tolist())
-        return f"{each or 'no actuator'} ({'sum' if self.sums else 'max'})"
+        return sought_words(**self.to_json())
 
     def cost(self, command: Array) -> float:
         """[N m or N] what commands (a,) are measured by."""
@@ -156,7 +155,7 @@ class PathCommands:
     # --- the rows
 
     @cached_property
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[PathRow]:
         """All but tangents of friction cones, in the order in which certificates number them."""
         out = [row for x in range(self.states) for row in self._of_state(x)]
         for k, j in enumerate(self.sought.tolist(), start=1):
@@ -164,11 +163,11 @@ class PathCommands:
         one, least = fmpq(1), self.measure
         if self.sums:
             efforts = {self.effort(k): fmpq(-1) for k in range(1, self.states)}
-            out += [Row({least: one, **efforts}, ZERO, True)]
-            out += [Row({column: one}, ZERO, False) for column in efforts]
-        return [*out, Row({least: one}, ZERO, False)]
+            out += [PathRow({least: one, **efforts}, ZERO, True)]
+            out += [PathRow({column: one}, ZERO, False) for column in efforts]
+        return [*out, PathRow({least: one}, ZERO, False)]
 
-    def _of_state(self, x: int) -> list[Row]:
+    def _of_state(self, x: int) -> list[PathRow]:
         """Equilibrium, springs, stops, gearing and limits in a state."""
         q, g = self.question, self.question.grasp
         maps, load = g.exact_table, [rational(w) for w in q.wrench]
@@ -182,7 +181,7 @@ class PathCommands:
             right = -load[i] if x == 0 else ZERO
             if x and load[i]:
                 terms[self.share(x)] = load[i]
-            out.append(Row(terms, right, True, None, some * (1.0 if i < 3 else arm)))
+            out.append(PathRow(terms, right, True, None, some * (1.0 if i < 3 else arm)))
         back = [rational(f) if b else ZERO for f, b in zip(g.command.tolist(), g.backdrivable.tolist(), strict=True)]
         R, A = ([[rational(v) for v in row] for row in table.tolist()] for table in (g.R, g.A))
         for j in range(g.l):
@@ -190,18 +189,18 @@ class PathCommands:
             terms |= {self.at(x, 4, a): -row[j] for a, row in enumerate(R) if row[j] and not g.backdrivable[a]}
             terms |= {self.at(x, 5, k): -row[j] for k, row in enumerate(A) if row[j]}
             given = rational(g.torque[j]) + sum((row[j] * f for row, f in zip(R, back, strict=True)), ZERO)
-            out.append(Row({**terms, self.at(x, 6, j): -one}, given, True, None, some * float(g.joint_units[j])))
-        out += [Row(self._along(x, 1, row), ZERO, True) for row in A]
+            out.append(PathRow({**terms, self.at(x, 6, j): -one}, given, True, None, some * float(g.joint_units[j])))
+        out += [PathRow(self._along(x, 1, row), ZERO, True) for row in A]
         for i in range(g.m):
             force, part = self.at(x, 2, 3 * i), x * g.m + i
             gap = {c: maps[3 * i, k] for k, c in enumerate(motions) if maps[3 * i, k]} | {force: one}
-            out += [Row({force: one}, ZERO, False), Row(gap, ZERO, False, None, some)]
+            out += [PathRow({force: one}, ZERO, False), PathRow(gap, ZERO, False, None, some)]
             its = [force, force + 1, force + 2]
             its += [self.at(x, 3, s) for s in np.flatnonzero(g.soft == i).tolist()]
-            out += [Row({column: one}, ZERO, True, (part, OPEN)) for column in its]
-            out.append(Row(gap, ZERO, True, (part, CLOSED), some))
+            out += [PathRow({column: one}, ZERO, True, (part, OPEN)) for column in its]
+            out.append(PathRow(gap, ZERO, True, (part, CLOSED), some))
             if q.force_limit < np.inf:
-                out.append(Row({force: -one}, -rational(q.force_limit), False))
+                out.append(PathRow({force: -one}, -rational(q.force_limit), False))
         for j in range(g.l):
             out += self._of_joint(x, j)
         for a, name in enumerate(g.actuators):
@@ -210,25 +209,25 @@ class PathCommands:
                 continue
             limit = q.torque_limits.get(name, np.inf)
             if limit < np.inf:
-                out += [Row({effort: s * one}, -rational(limit), False) for s in (1, -1)]
+                out += [PathRow({effort: s * one}, -rational(limit), False) for s in (1, -1)]
             if g.tendon[a]:
-                out += [Row(moved, ZERO, False), Row({effort: one}, ZERO, False)]
+                out += [PathRow(moved, ZERO, False), PathRow({effort: one}, ZERO, False)]
             elif not self.senses[a]:
-                out.append(Row(moved, ZERO, True))
+                out.append(PathRow(moved, ZERO, True))
         return out
 
-    def _of_joint(self, x: int, j: int) -> list[Row]:
+    def _of_joint(self, x: int, j: int) -> list[PathRow]:
         """Friction within its range, which a stop widens; no joint moves into a stop."""
         g, one = self.question.grasp, fmpq(1)
         lower, upper = ((g.stop[j] == k) | (g.stop[j] == 3) for k in (1, 2))
         q, reaction, most = self.at(x, 1, j), self.at(x, 6, j), -rational(g.friction[j])
         if lower and upper:
-            return [Row({q: one}, ZERO, True)]
-        out = [Row({q: one if lower else -one}, ZERO, False)] if lower or upper else []
-        out += [] if upper else [Row({reaction: one}, most, False)]
-        return out if lower else [*out, Row({reaction: -one}, most, False)]
+            return [PathRow({q: one}, ZERO, True)]
+        out = [PathRow({q: one if lower else -one}, ZERO, False)] if lower or upper else []
+        out += [] if upper else [PathRow({reaction: one}, most, False)]
+        return out if lower else [*out, PathRow({reaction: -one}, most, False)]
 
-    def _of_command(self, k: int, j: int) -> list[Row]:
+    def _of_command(self, k: int, j: int) -> list[PathRow]:
         """What joins state k to the others: the command is its effort there, and it closed as far as at the end."""
         g, sense, part = self.question.grasp, fmpq(int(self.senses[j])), self.states * self.question.grasp.m + k - 1
         R = [rational(v) for v in g.R[j].tolist()]
@@ -237,34 +236,39 @@ class PathCommands:
         def closed(x: int, sign: fmpq) -> dict[int, fmpq]:
             return {column: sign * sense * v for column, v in self._along(x, 1, R).items()}
 
-        out = [Row(closed(k, fmpq(1)) | closed(0, fmpq(-1)), ZERO, True)]
+        out = [PathRow(closed(k, fmpq(1)) | closed(0, fmpq(-1)), ZERO, True)]
         for x in range(self.states):
             if not g.tendon[j]:
-                out += [Row(closed(x, fmpq(1)), ZERO, False), Row(closed(x, fmpq(1)), ZERO, True, (part, LOCKED))]
+                out += [
+                    PathRow(closed(x, fmpq(1)), ZERO, False),
+                    PathRow(closed(x, fmpq(1)), ZERO, True, (part, LOCKED)),
+                ]
             if x != k:
-                out.append(Row({self.at(x, 4, j): sense, own: -sense}, ZERO, False, moved))
+                out.append(PathRow({self.at(x, 4, j): sense, own: -sense}, ZERO, False, moved))
             if x not in (0, k):
-                out.append(Row(closed(0, fmpq(1)) | closed(x, fmpq(-1)), ZERO, False, moved))
+                out.append(PathRow(closed(0, fmpq(1)) | closed(x, fmpq(-1)), ZERO, False, moved))
         cost = self.effort(k) if self.sums else self.measure
-        out += [Row({own: sense}, ZERO, False, moved), Row({cost: fmpq(1), own: -sense}, ZERO, False, moved)]
+        out += [PathRow({own: sense}, ZERO, False, moved), PathRow({cost: fmpq(1), own: -sense}, ZERO, False, moved)]
         share = self.share(k)
-        return [*out, Row({share: fmpq(1)}, ZERO, False), Row({share: fmpq(-1)}, fmpq(-1), False)]
+        return [*out, PathRow({share: fmpq(1)}, ZERO, False), PathRow({share: fmpq(-1)}, fmpq(-1), False)]
 
     def _along(self, x: int, kind: int, row: list[fmpq]) -> dict[int, fmpq]:
         return {self.at(x, kind, j): v for j, v in enumerate(row) if v}
 
-    def tangent(self, x: int, i: int, along: Array) -> Row:
+    def tangent(self, x: int, i: int, along: Array) -> PathRow:
         """That friction of contact i in state x is in its cone: along . c_t <= mu c_n |along|; along (2,), or (3,)."""
         g = self.question.grasp
         size = rational(g.mu[i] * float(np.linalg.norm(along)) * (1 + WIDER))
         terms = {self.at(x, 2, 3 * i): size}
         columns = [self.at(x, 2, 3 * i + 1), self.at(x, 2, 3 * i + 2)]
         columns += [self.at(x, 3, s) for s in np.flatnonzero(g.soft == i).tolist()]
-        return Row(terms | {c: -rational(u) for c, u in zip(columns, along.tolist(), strict=True) if u}, ZERO, False)
+        return PathRow(
+            terms | {c: -rational(u) for c, u in zip(columns, along.tolist(), strict=True) if u}, ZERO, False
+        )
 
     # --- what multipliers show
 
-    def shown(self, rows: list[Row], multipliers: list[float]) -> float:
+    def shown(self, rows: list[PathRow], multipliers: list[float]) -> float:
         """A lower bound of the measure, from rows that hold and multipliers, not negative but of equalities.
 
         inf if the rows contradict each other, 0 if nothing is shown.
@@ -292,7 +296,7 @@ class PathCommands:
 
 
 @dataclass(frozen=True, eq=False)
-class Leaf:
+class PathLeaf:
     """A case of the tree with its multipliers: of rows by number, and of tangents by state, contact and direction."""
 
     rows: tuple[tuple[int, float], ...]
@@ -306,7 +310,7 @@ class PathBound:
     parent: tuple[int, ...]
     part: tuple[int, ...]
     case: tuple[int, ...]
-    leaves: tuple[Leaf, ...]
+    leaves: tuple[PathLeaf, ...]
 
     def to_json(self) -> dict[str, Any]:
         """As files have it."""
@@ -347,7 +351,7 @@ class PathBound:
         return [c for k, c in enumerate(cases) if k not in children]
 
 
-def leaf_bound(of: PathCommands, every: list[Row], case: dict[int, int], leaf: Leaf, place: str = "") -> float:
+def leaf_bound(of: PathCommands, every: list[PathRow], case: dict[int, int], leaf: PathLeaf, place: str = "") -> float:
     """What a leaf shows in its case, as `PathCommands.shown`. `BadFile` for a row that does not hold there."""
     g, rows, y = of.question.grasp, [], []
     for k, multiplier in leaf.rows:
@@ -384,7 +388,7 @@ def read_bound(f: Fields) -> PathBound:
             x, i = t.whole("state"), t.whole("contact")
             tangents.append((x, i, tuple(t.numbers("along", (-1,)).tolist()), t.number("y")))
         leaf.done()
-        leaves.append(Leaf(tuple(zip(which, rows[:, 1].tolist(), strict=True)), tuple(tangents)))
+        leaves.append(PathLeaf(tuple(zip(which, rows[:, 1].tolist(), strict=True)), tuple(tangents)))
     f.done()
     return PathBound(parent, part, case, tuple(leaves))
 
@@ -393,6 +397,12 @@ def _wholes(values: Array, place: str) -> tuple[int, ...]:
     if (values % 1).any():
         raise BadFile("has a number that is not whole", place)
     return tuple(int(x) for x in values)
+
+
+def sought_words(senses: Mapping[str, float], objective: str) -> str:
+    """'+jaw, -other (max)', of `sought` as files have it."""
+    each = ", ".join(f"{'+' if sense > 0 else '-'}{name}" for name, sense in senses.items())
+    return f"{each or 'no actuator'} ({objective})"
 
 
 def read_sought(f: Fields, q: Question) -> PathCommands:

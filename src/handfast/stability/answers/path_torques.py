@@ -148,26 +148,29 @@ class _PathTorques:
         """Nothing commanded; then shapes, each to its smallest level; then changes of single commands."""
         if self.holds(dict.fromkeys(self.names, 0.0)):
             return
-        for shape in self.shapes():
-            self.ray(shape)
+        for shape, level in self.shapes():
+            self.ray(shape, level)
         for factors in (CHANGES, FINER):
             self.changed(factors)
 
-    def shapes(self) -> Iterator[Commands]:
-        """Directions of commands to be followed."""
+    def shapes(self) -> Iterator[tuple[Commands, float | None]]:
+        """Directions of commands to be followed, each with its level if that is one to begin with."""
         own = {n: self.grasp.preload.get(n, 0.0) for n in self.names}
-        yield own
+        yield own, self.cost(own)
         least, nodes = self.together(self.limited(nodes=min(self.settings.nodes, TOGETHER)))
         self.nodes += nodes
         if least:
-            yield least
-        yield dict(self.sense)
+            yield least, self.cost(least)
+        yield dict(self.sense), None
         if len(self.names) > 1:
             for name in self.names:
-                yield {n: self.sense[n] * (n == name) for n in self.names}
+                yield {n: self.sense[n] * (n == name) for n in self.names}, None
 
-    def ray(self, shape: Mapping[str, float]) -> None:
-        """The smallest level of a shape at which the path was seen to hold, if that is below the best so far."""
+    def ray(self, shape: Mapping[str, float], level: float | None = None) -> None:
+        """The smallest level of a shape at which the path was seen to hold, if that is below the best so far.
+
+        level: to begin with where nothing holds yet.
+        """
         size = self.cost(shape)
         if not size:
             return
@@ -181,8 +184,8 @@ class _PathTorques:
             if not self.holds(scaled(unit, high)):
                 return
         else:
-            level = self.first_level(unit, size)
-            levels = [] if level is None else [level * factor for factor in FACTORS]
+            first = self.first_level(unit, level)
+            levels = [] if first is None else [first * factor for factor in FACTORS]
             found = next((x for x in levels if self.holds(scaled(unit, x))), None)
             if found is None:
                 return
@@ -197,7 +200,7 @@ class _PathTorques:
             else:
                 low = middle
 
-    def first_level(self, unit: Mapping[str, float], size: float) -> float | None:
+    def first_level(self, unit: Mapping[str, float], level: float | None) -> float | None:
         """Near where the path ends in the load: with commands a times larger a times the load is reached.
 
         Where springs, friction of joints and limits do not grow with the commands: a level that holds, if any is met.
@@ -213,7 +216,7 @@ class _PathTorques:
             self.counted(path)
             end = path.reached
             return 1.0 / end if end else None
-        start = size if size != 1.0 else STRONG * float(np.abs(load).max())
+        start = STRONG * float(np.abs(load).max()) if level is None else level
         for factor in (1.0, 4.0, 0.25, 16.0, 1 / 16):
             if self.holds(scaled(unit, start * factor)):
                 return start * factor / FACTORS[0]

@@ -16,7 +16,17 @@ from scipy.sparse import coo_array, csr_array, hstack, vstack
 
 from handfast.core.answer import SearchLimits
 from handfast.core.arrays import Array, Indices
-from handfast.proofs.path_commands import CLOSED, LOCKED, MOVED, OPEN, Leaf, PathBound, PathCommands, Row, leaf_bound
+from handfast.proofs.path_commands import (
+    CLOSED,
+    LOCKED,
+    MOVED,
+    OPEN,
+    PathBound,
+    PathCommands,
+    PathLeaf,
+    PathRow,
+    leaf_bound,
+)
 
 NODES = 400  # of the tree at most
 CUTS = 12  # rounds of tangents at a node
@@ -32,7 +42,7 @@ FIRST = 8  # directions of tangents in each contact's plane at first
 class _Node:
     case: dict[int, int]
     bound: float
-    leaf: Leaf
+    leaf: PathLeaf
     x: Array | None  # (n,) of a solution; None where there is none
 
 
@@ -72,7 +82,7 @@ class _BoundSearch:
                 self.tangents += [(x, i, (0.0, 0.0, s)) for s in (1.0, -1.0) if i in soft]
         self.cones, _ = self._matrix([of.tangent(x, i, np.array(u)) for x, i, u in self.tangents])
 
-    def _matrix(self, rows: list[Row]) -> tuple[csr_array, Array]:
+    def _matrix(self, rows: list[PathRow]) -> tuple[csr_array, Array]:
         """Rows over unknowns in `units`."""
         entries = [(k, c, float(v.p) / float(v.q)) for k, row in enumerate(rows) for c, v in row.terms.items()]
         at, columns, values = (np.array(x) for x in zip(*entries, strict=True))
@@ -214,11 +224,11 @@ class _BoundSearch:
         out[:count] /= self.size
         return out
 
-    def leaf(self, y: Array) -> Leaf:
+    def leaf(self, y: Array) -> PathLeaf:
         """The multipliers that are not 0."""
         count = len(self.rows)
         rows = tuple((int(k), float(y[k])) for k in np.flatnonzero(y[:count]))
-        return Leaf(rows, tuple((*self.tangents[k], float(y[count + k])) for k in np.flatnonzero(y[count:])))
+        return PathLeaf(rows, tuple((*self.tangents[k], float(y[count + k])) for k in np.flatnonzero(y[count:])))
 
     def cut(self, x: Array) -> bool:
         """Tangents where friction is outside of its cone; were there any?"""

@@ -343,7 +343,7 @@ def _ask_across(grasps: GraspRows, parts: Sequence[AnswerRows], row: int, option
     W, B = (np.array([rows[row] for rows in each]) for each in zip(*((p.wrenches, p.base) for p in parts), strict=True))
     goal = ANY_STATE if options.query == "check" else SMALLEST_PRELOAD
     try:
-        found = _kernel(options.limits).ask(grasps, goal, W, B, options.settings)
+        found = kernel_of(options.limits).ask(grasps, goal, W, B, options.settings)
     except Uneven as uneven:
         others = [part for part, same in zip(parts, uneven.most, strict=True) if same]
         _ask_across(grasps.rows(uneven.most), others, row, options)
@@ -357,8 +357,8 @@ def _ask_across(grasps: GraspRows, parts: Sequence[AnswerRows], row: int, option
 # --- the rows of one grasp ----------------------------------------------------------------------
 
 
-def _kernel(limits: GraspLimits) -> RowKernel:
-    """The engine loads when it is asked first."""
+def kernel_of(limits: GraspLimits) -> RowKernel:
+    """What asks rows; the engine loads when it is asked first."""
     from handfast.stability.studies.row_kernel import RowKernel
 
     return RowKernel(limits)
@@ -376,7 +376,7 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
         rows = rows[left[rows]]
         if len(rows) <= FEW and kernel is None:
             continue
-        kernel = kernel or _kernel(options.limits)
+        kernel = kernel or kernel_of(options.limits)
         found = kernel.ask(grasp, goal, part.wrenches[rows], part.base[rows], options.settings)
         if found is None:
             continue

@@ -39,7 +39,7 @@ from handfast.stability.search.proof import Proof
 from handfast.stability.search.solve import clock_of
 from handfast.stability.studies import hold as holding
 from handfast.stability.studies import maps
-from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as_base, as_rows, is_table
+from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as_base, as_rows, is_table, kernel_of
 from handfast.stability.studies.hold import HoldAnswer, HoldOptions, OnSample
 from handfast.stability.studies.maps import MapAnswer, Plane
 
@@ -68,12 +68,10 @@ class PreparedGrasp:
         settings: Settings | None = None,
         loading: Loading = "together",
     ) -> None:
-        from handfast.stability.studies.row_kernel import RowKernel  # the engine loads when it is asked first
-
         limits.check_backdrivable(grasp)
         comes_after(loading)
         self.grasp, self.limits, self.settings, self.loading = grasp, limits, settings or Settings(), loading
-        self._kernel = RowKernel(limits)
+        self._kernel = kernel_of(limits)
         self._slipped: Proof | None = None  # of the last load that was searched for
         self._asked_before = False  # nothing is prepared for a single load: a search takes no longer
 
