@@ -432,5 +432,9 @@ def test_plans_have_soft_contacts(tmp_path: Path) -> None:
     said = json.loads((tmp_path / "plan.json").read_text("utf-8"))
     (tmp_path / "plan.json").write_text(json.dumps(said | {"torsion": 0.004}), "utf-8")
     assert "its torsion is not that of the plan, 0.004 m" in verify(tmp_path).reason
+    for wrong in (None, "a", [0.005]):
+        (tmp_path / "plan.json").write_text(json.dumps(said | {"torsion": wrong}), "utf-8")
+        with pytest.raises(InputError, match=r"plan\.json.*torsion"):
+            verify(tmp_path)
     hard = replace(found.asked, options=replace(found.asked.options, torsion=0.0))
     assert "its contacts have another torsion" in replace(found, asked=hard).verify().reason

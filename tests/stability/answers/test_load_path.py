@@ -549,3 +549,13 @@ def test_a_step_that_rounding_leaves_open_ends_no_path(seed: int | None) -> None
     end = maximum(grasp, load, loading=FIRST)
     assert 2.56 < end.lower < end.upper < 2.6
     assert end.verify().ok
+
+
+def test_a_state_of_a_path_is_no_rest() -> None:
+    """A witness has the grasp of its last step, which begins where the step before ended."""
+    answer = check(jaw().with_preload({"jaw": 1.0}), [0, 0.6, 0], loading=FIRST)
+    assert answer.witness is not None
+    assert answer.witness.grasp.start is not None
+    with pytest.raises(InputError, match=r"begins at rest, and this grasp at a state of a path; .*with_start\(None\)"):
+        check(answer.witness.grasp, [0, 0.6, 0], loading=FIRST)
+    assert check(answer.witness.grasp.with_start(None), [0, 0.6, 0], loading=FIRST).verdict is Verdict.HOLDS

@@ -171,6 +171,13 @@ class SceneEntry(Strict):
     scale: Finite = 1.0
 
 
+class NumbersEntry(Strict):
+    """Numbers of `plan.json` that its grasps are held against."""
+
+    torsion: Finite = 0.0
+    safety: Finite = 1.0
+
+
 def measured_plan(folder: Path) -> Replay:
     """Are the grasps in the folder of a plan the hand's on the object? Measured anew, from the files that it names.
 
@@ -182,6 +189,10 @@ def measured_plan(folder: Path) -> Replay:
         made = validate(SceneEntry, plan.get("scene", {}))
     except InputError as fault:
         raise fault.within("scene").at(str(folder / "plan.json")) from None
+    try:
+        numbers = validate(NumbersEntry, {key: plan[key] for key in NumbersEntry.model_fields if key in plan})
+    except InputError as fault:
+        raise fault.at(str(folder / "plan.json")) from None
     for entry in (*plan["grasps"], *plan["others"]):
         place = load_configuration(folder / entry["configuration_file"])
         if place.hand is None or place.object is None:
@@ -193,9 +204,9 @@ def measured_plan(folder: Path) -> Replay:
         same = _without_preload(held["question"]["grasp"]) == _without_preload(grasp_file.to_dict(grasp))
         wrong = "" if same else "its proof is about another grasp"
         proved = held["answer"].get("margin")
-        times = None if proved is None else plan.get("safety", 1.0) * proved
-        if any(c.torsion != plan.get("torsion", 0.0) for c in grasp.contacts):
-            wrong = wrong or f"its torsion is not that of the plan, {plan.get('torsion', 0.0):g} m"
+        times = None if proved is None else numbers.safety * proved
+        if any(c.torsion != numbers.torsion for c in grasp.contacts):
+            wrong = wrong or f"its torsion is not that of the plan, {numbers.torsion:g} m"
         wrong = wrong or ("margin" in entry and difference(times, entry["margin"], "margin")) or ""
         parts.append(Replay(entry["grasp_file"], OF_HAND, wrong or _hand_fault(scene, q, place.pose, grasp)))
     if plan.get("contacts_file"):

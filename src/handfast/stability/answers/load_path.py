@@ -255,7 +255,16 @@ class Follower:
     def of(
         cls, p: ScaledProblem, settings: Settings, on_progress: OnStep | None, rest: StepAnswer | None = None
     ) -> Follower:
-        """Of a question that begins now; rest: its state 0, if it is known."""
+        """Of a question that begins now; rest: its state 0, if it is known.
+
+        Raises:
+            InputError: the grasp is one of a path's states, not at rest.
+        """
+        if p.grasp.start is not None:
+            right = "ask of the grasp itself, grasp.with_start(None)"
+            raise InputError(
+                f"'preload-first' begins at rest, and this grasp at a state of a path; {right}", field="loading"
+            )
         return cls(p, settings, clock_of(settings), on_progress, {} if rest is None else {(0.0, b""): rest})
 
     def step(self, grasp: Grasp, magnitude: float, prove: bool = True) -> StepAnswer:
