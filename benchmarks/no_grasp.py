@@ -21,7 +21,7 @@
 - *least_friction*: of two contacts anywhere on an object whose centre of mass is off its middle, and the processor
   time; *surface_held*: contacts on random solids that hold by construction, for which so many may never be refuted.
 
-Writes benchmarks/results/no_grasp.json after every row and prints Markdown tables.
+Writes benchmarks/results/no_grasp.json after every row or part and prints Markdown tables.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -75,6 +76,7 @@ MORE = (
 )
 HALVINGS = 8
 PART = 400  # tasks about contacts that hold with random numbers of their own
+MOTORS_PART = 100  # the same within limits of torques
 HALF = 1e-3  # [m] half the side of a region about a contact
 SHARES = (0.0, 0.3, 0.9, 1.0)  # of the friction that a force uses
 
@@ -319,10 +321,10 @@ def known(rng: np.random.Generator) -> tuple[Array, Array, float]:
     )
 
 
-def held(options: argparse.Namespace) -> dict[str, int]:
+def held(options: argparse.Namespace) -> Iterator[dict[str, int]]:
     """How many tasks about contacts that hold are refuted, and how many boxes about the contacts: both 0."""
-    parts = [held_part(k, min(PART, options.tasks - k), options) for k in range(0, options.tasks, PART)]
-    return {key: sum(part[key] for part in parts) for key in parts[0]}
+    for first in range(0, options.tasks, PART):
+        yield held_part(first, min(PART, options.tasks - first), options)
 
 
 def held_part(first: int, tasks: int, options: argparse.Namespace) -> dict[str, int]:
@@ -371,16 +373,23 @@ def held_part(first: int, tasks: int, options: argparse.Namespace) -> dict[str, 
 # --- within limits of torques ---------------------------------------------------------------------------
 
 
-def held_by_motors(options: argparse.Namespace) -> dict[str, int]:
+def held_by_motors(options: argparse.Namespace) -> Iterator[dict[str, int]]:
     """How many boxes about configurations that hold within limits of torques are discarded: 0."""
-    rng, out = np.random.default_rng(23), {"tasks": 0, "boxes": 0, "proposed_weaker": 0, "checked": 0, "lost": 0}
     places = []
     for task in (pinch(), load_task("scalpel-handling"), load_task("teapot-service"), load_task("guitar-playing")):
         task = replace(task, hand=task.hand.with_laws("none"))
         found = synthesize(task, count=8, timeout=60).solutions
         contacts = ContactBoxes.of(read_task(task_to_dict(task)))
         places += [(task, contacts, solution, *coordinates(contacts, task, solution)) for solution in found]
-    while out["tasks"] < options.tasks:
+    for first in range(0, options.tasks, MOTORS_PART):
+        yield held_by_motors_part(places, first, min(MOTORS_PART, options.tasks - first))
+
+
+def held_by_motors_part(places: Sequence[Any], first: int, tasks: int) -> dict[str, int]:
+    """The same of so many tasks from one on."""
+    rng = np.random.default_rng([23, first])
+    out = {"tasks": 0, "boxes": 0, "proposed_weaker": 0, "checked": 0, "lost": 0}
+    while out["tasks"] < tasks:
         task, contacts, solution, x, chart = places[out["tasks"] % len(places)]
         mu = float(rng.choice([0.1, 0.5, 1.0]))
         wrench, torques = load_within(task, solution, mu, rng)
@@ -510,7 +519,7 @@ def stone(rng: np.random.Generator) -> Shape:
     return Shape.hull(rng.normal(size=(rng.integers(5, 31), 3)) * [0.05, 0.03, 0.02])
 
 
-def surface_held(options: argparse.Namespace) -> dict[str, int]:
+def surface_held(options: argparse.Namespace) -> Iterator[dict[str, int]]:
     """How often contacts that hold are refuted: two on a line through the centre of mass; more with limited forces."""
     tasks, rng, wrong = options.tasks, np.random.default_rng(17), {"pairs": 0, "limited": 0, "refuted": 0}
     while wrong["pairs"] + wrong["limited"] < tasks:
@@ -538,7 +547,7 @@ def surface_held(options: argparse.Namespace) -> dict[str, int]:
             loads, limit = Loads(("a", "b", "c"), np.array(wrenches)), 1 + 1e-12
         wrong["pairs" if len(p) == 2 else "limited"] += 1
         wrong["refuted"] += held_by_contacts(body, loads, limit, mu).fewest().most >= len(p)
-    return wrong
+    yield wrong
 
 
 # --- output -------------------------------------------------------------------------------------------
@@ -604,9 +613,11 @@ def main() -> None:
             known = {next(iter(r.values())): r for r in results.get(name, [])} | {next(iter(row.values())): row}
             results[name] = list(known.values())
             RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
-        if name in COUNTS:
-            results[name] = COUNTS[name](options)
-        RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
+        counted = Counter[str]()
+        for part in COUNTS[name](options) if name in COUNTS else ():
+            counted.update(part)
+            results[name] = dict(counted)
+            RESULTS.write_text(json.dumps(results, indent=1) + "\n", "utf-8")
     show(results)
 
 

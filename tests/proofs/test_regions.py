@@ -97,3 +97,19 @@ def test_patches_of_a_high_degree_are_not_cut() -> None:
         np.array_equal(a.value.ends, b.value.ends) and np.array_equal(a.slope.ends, b.slope.ends)
         for a, b in zip(those.over(x), those.at(x), strict=True)
     )
+
+
+@pytest.mark.parametrize("name", REGIONS)
+def test_boxes_that_share_some_contacts_are_as_each_alone(name: str) -> None:
+    """In any order, also of a contact that has few different boxes among many."""
+    those, n = side(REGIONS[name])
+    low, high = boxes(n, 0.01)
+    its = np.random.default_rng(3).integers(8, size=(12, n // 2)).repeat(2, axis=1)
+    its[:, 2:4] %= 2
+    low, high = (np.hstack([end[its, np.arange(n)], end[:1].repeat(12, axis=0)]) for end in (low, high))  # more behind
+    together = those.over(Interval.between(low, high))
+    for k in range(12):
+        alone = those.over(Interval.between(low[k : k + 1], high[k : k + 1]))
+        for a, b in zip(together, alone, strict=True):
+            assert a.value.ends[k] == pytest.approx(b.value.ends[0], rel=1e-13, abs=1e-15)
+            assert a.slope.ends[:, k] == pytest.approx(b.slope.ends[:, 0], rel=1e-13, abs=1e-15)

@@ -110,6 +110,26 @@ class ContactSide:
         """
         if any(isinstance(part, _Patches) and max(part.degrees) > NARROW for part, _ in self.parts):
             return self.at(x)
+        own, where = self._own(x)
+        found = self._cut(own)
+        its = where, np.arange(len(self.columns))
+        return Surface(*(Dual(Interval(d.value.ends[its]), Interval(d.slope.ends[:, *its])) for d in found))
+
+    def _own(self, x: Interval) -> tuple[Interval, Integers]:
+        """Each contact's boxes of its own two parameters, one of those that are the same: (U, n) one contact beside the
+        other, and (N, K) the row of each in it. Halves of a box differ in one contact alone.
+        """
+        N, K = len(x.ends), len(self.columns)
+        all_ = x.ends[:, self.columns].reshape(N, K, 4)
+        each = [np.unique(all_[:, k], axis=0, return_index=True, return_inverse=True)[1:] for k in range(K)]
+        rows = np.zeros((max(len(first) for first, _ in each), x.shape[1]), dtype=np.int64)
+        for (first, _), its in zip(each, self.columns, strict=True):
+            rows[: len(first), its] = first[:, None]
+        own = Interval(x.ends[rows, np.arange(x.shape[1])])
+        return own, np.stack([inverse.ravel() for _, inverse in each], axis=1)
+
+    def _cut(self, x: Interval) -> Surface:
+        """As `over`, of boxes whatever they share."""
         cuts = x.lo[:, None] + (x.hi - x.lo)[:, None] * (np.arange(1, PARTS)[:, None] / PARTS)
         cuts = np.clip(np.concatenate([x.lo[:, None], cuts, x.hi[:, None]], axis=1), x.lo[:, None], x.hi[:, None])
         first, second = (a.ravel() for a in np.meshgrid(*[np.arange(PARTS)] * 2, indexing="ij"))

@@ -419,7 +419,10 @@ class Placements:
         vector a, that of m in the middle.
         """
         over, at = Interval.between(*np.moveaxis(boxes, 2, 0)), boxes.mean(axis=2)
-        moment, middle = self._moments(over, center), self._moments(Interval.of(at), center)
+        moment, middle = (
+            self._moments(self.side.spread(points, boxes.shape[1]), center)
+            for points in (self.side.over(over).point, self.side.at(Interval.of(at)).point)
+        )
         along = middle.value.mid
         length = np.linalg.norm(along, axis=1, keepdims=True)
         along = along / (np.maximum(length, LEAST) * MORE)  # no longer than 1
@@ -431,10 +434,9 @@ class Placements:
         reach[wide] = np.ptp(boxes[wide], axis=2) / np.ptp(self.root, axis=1)
         return np.nan_to_num(lower[:, 0], nan=0.0, neginf=0.0), length[:, 0], reach
 
-    def _moments(self, x: Interval, center: Array) -> Dual:
-        """(N, 3) of the unit vector from one contact to the other, about a point."""
-        at = self.side.spread(self.side.over(x).point, x.shape[1])
-        first, second = (at[..., k, :] for k in (0, 1))
+    def _moments(self, points: Dual, center: Array) -> Dual:
+        """(N, 3) of the unit vector from one contact to the other, of points (N, 2, 3), about a point."""
+        first, second = (points[..., k, :] for k in (0, 1))
         return cross(first - center, unit(second - first))
 
 
