@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from handfast import load_grasp, save_grasp
 from handfast.core.errors import InputError
@@ -129,6 +130,15 @@ def test_what_stands_firmest() -> None:
     heavy = np.array([0.0, 0.0, -0.09])  # at one end of a cube
     cube = slab * [10, 1, 1]
     assert (standing(cube, heavy) @ heavy)[2] == pytest.approx(-0.09)
+
+
+def test_what_lies_askew_in_its_frame_stands_on_a_face() -> None:
+    """On none of the six sides along its axes would it stay."""
+    slab = np.array([[x, y, z] for x in (-0.01, 0.01) for y in (-0.1, 0.1) for z in (-0.1, 0.1)])
+    askew = slab @ Rotation.from_euler("xyz", [0.5, 0.6, 0.7]).as_matrix().T
+    R = standing(askew, np.zeros(3))
+    assert np.linalg.det(R) == pytest.approx(1)
+    assert abs((askew @ R.T)[:, 2]).max() == pytest.approx(0.01)
 
 
 def test_what_a_scene_needs() -> None:

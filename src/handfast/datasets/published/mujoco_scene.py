@@ -1,6 +1,6 @@
 """A grasp as a MuJoCo scene that closes, squeezes and lifts: hand and object in SI units, servos and their targets.
 
-The object stands on the ground, on the firmest of its six sides. The hand hangs on a slide that lifts it. What the
+The object stands on the ground, as firmly as it can. The hand hangs on a slide that lifts it. What the
 servos do is told by keyframes, each with a time and the servos' targets: between two of them targets go straight.
 
 Every motor is a position servo. One that is commanded has a force limit, its command, and a target beyond its contact:
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
@@ -25,6 +26,7 @@ from handfast.core.transforms import matrix_quaternion, transform
 from handfast.geometry.scene import add_solid
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
+from handfast.model.mesh_pieces import joined
 from handfast.readers.configuration_file import GraspParts, load_parts
 from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.bodies import link_friction
@@ -49,6 +51,7 @@ OPEN_SLIDE = 0.01  # [m]
 HEIGHT = 0.1  # [m] of the lift
 TIMES = {"open": 0.0, "closed": 1.0, "squeezed": 2.0, "locked": 2.1, "lifted": 3.6}  # [s] at which targets are reached
 FOOT = 5e-4  # [m] above the lowest point: what stands on the ground
+CLEARLY = 0.1  # by how much of its firmness a side has to be exceeded for the object to stand on something else
 _SIDES = [np.array(R, dtype=float) for R in (
     [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
     [[1, 0, 0], [0, -1, 0], [0, 0, -1]], [[1, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
@@ -112,20 +115,35 @@ def play(model: Any, data: Any, until: float) -> None:
 
 
 def standing(vertices: Array, center: Array) -> Array:
-    """(3, 3) turns an object with vertices (n, 3) so that it stands as firmly as it can: on one of six sides.
+    """(3, 3) turns an object with vertices (n, 3) so that it stands as firmly as it can.
 
-    Firm is what has its centre (3,) far inside of what it stands on, for its height.
+    Firm is what has its centre (3,) far inside of what it stands on, for its height. It stands on a side along its own
+    axes, or on a face of its convex hull where that is clearly firmer: a bent object would topple from every side.
     """
-    best, firm = np.eye(3), -np.inf
-    for R in _SIDES:
-        turned, middle = vertices @ R.T, R @ center
-        foot = turned[turned[:, 2] < turned[:, 2].min() + FOOT][:, :2] - middle[:2]
-        angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-        reach = (foot @ np.array([np.cos(angles), np.sin(angles)])).max(axis=0).min()  # [m] to the nearest edge
-        steep = float(reach / max(middle[2] - turned[:, 2].min(), 1e-6))
-        if steep > firm + 1e-6:
-            best, firm = R, steep
-    return best
+    hull = ConvexHull(vertices)
+    corners, angles = vertices[hull.vertices], np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    around = np.array([np.cos(angles), np.sin(angles)])
+
+    def firmness(R: Array) -> float:
+        turned, middle = corners @ R.T, R @ center
+        lowest = turned[:, 2].min()
+        foot = turned[turned[:, 2] < lowest + FOOT][:, :2] - middle[:2]
+        reach = (foot @ around).max(axis=0).min()  # [m] to the nearest edge
+        return round(float(reach / max(middle[2] - lowest, 1e-6)), 6)
+
+    side = max(_SIDES, key=firmness)
+    face = max((_onto_ground(n) for n in np.unique(hull.equations[:, :3].round(9), axis=0)), key=firmness)
+    firm = firmness(side)
+    return face if firmness(face) > firm + CLEARLY * abs(firm) else side
+
+
+def _onto_ground(normal: Array) -> Array:
+    """(3, 3) turns a unit vector (3,) down, on the shortest way."""
+    axis, down = np.cross(normal, [0.0, 0.0, -1.0]), -float(normal[2])
+    if down < -1 + 1e-9:
+        return np.diag([1.0, -1.0, -1.0])
+    K = np.cross(axis, np.eye(3)).T  # K @ v is axis x v
+    return np.eye(3) + K + K @ K / (1 + down)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,9 +214,10 @@ class _Scene:
     def __init__(self, parts: GraspParts, grasp: Grasp) -> None:
         self.hand, self.q, self.grasp = with_laws_of(parts.hand, grasp, parts.q, parts.pose), parts.q, grasp
         self.body = body = parts.body
+        solid, _ = joined([piece.triangles() for piece in body.pieces])
         self.center = body.center_of_mass if grasp.center_of_mass is None else grasp.center_of_mass
-        R = standing(body.vertices, self.center)
-        self.at = transform([0.0, 0.0, -float((body.vertices @ R[2]).min())], R)  # (4, 4) of the object
+        R = standing(solid, self.center)
+        self.at = transform([0.0, 0.0, -float((solid @ R[2]).min())], R)  # (4, 4) of the object
         self.base = self.at @ np.linalg.inv(parts.pose)
         turning, own = backdrivable_motors(grasp), motors_of(grasp, self.hand)
         self.drive = MotorDrive.of(self.hand, grasp.preload, own, turning, locked_joints(grasp))
