@@ -144,6 +144,7 @@ def test_pinch_by_points_that_go_anywhere() -> None:
     np.testing.assert_allclose(values, [1 / np.sqrt(2)] * 5, atol=1e-12)
     told = Dexterity(values, np.zeros(0), {})
     assert told.manipulability == pytest.approx(2**-2.5)
+    assert told.typical == pytest.approx(2**-0.5)
     assert told.isotropy == pytest.approx(1)
     assert told.smallest == pytest.approx(2**-0.5)
     assert told.least_from_limits == told.mean_from_limits == 1
@@ -166,7 +167,7 @@ def test_a_fixture_moves_nothing() -> None:
     fixture = Grasp(slides(PINCH).contacts)
     told = Dexterity(object_singular_values(fixture), np.zeros(2), {})
     assert told.singular_values.shape == (0,)
-    assert told.manipulability == told.smallest == told.isotropy == 0
+    assert told.manipulability == told.typical == told.smallest == told.isotropy == 0
 
 
 def fingers(seed: int) -> tuple[list[Contact], list[GraspJoint], Mechanism]:

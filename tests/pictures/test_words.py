@@ -58,3 +58,11 @@ def test_a_table_without_heads_has_no_row_for_them_and_sentences_may_wrap() -> N
     assert "<thead>" not in made
     assert made.count('class="wordy"') == 1
     assert "<thead>" in table(["a", "#b"], [["1", "2"]])
+
+
+def test_a_force_off_the_origin_is_told_in_newtons() -> None:
+    """A weight at a centre of mass: a force on a line, whose point next to the origin is named."""
+    weight = np.array([0, 0, -2.0, *np.cross([0.003, 0.004, 0.05], [0, 0, -2.0])])
+    assert words.magnitude(weight) == (2.0, "N")
+    assert words.direction_text(weight) == "force along −z at (3, 4, 0) mm"
+    assert words.magnitude([0, 0, 1, 0, 0, 0.1]) == (1.0, "× the direction")

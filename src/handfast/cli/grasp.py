@@ -276,7 +276,7 @@ def _show_found(out: Console, answer: Grasps, times: float) -> None:
     for k, g in enumerate(answer.grasps, start=1):
         commands, away = (num(g.command, 3), num(g.answer.lower, 3)), f"{1e3 * g.terms['clearance']:.2f}"
         shares = f"{100 * g.friction_margin:.0f}", away, f"{100 * g.terms['from_limits']:.1f}"
-        last = num(g.terms["manipulability"], 3), "repaired" if g.repaired else ""
+        last = num(g.dexterity.typical, 3), "repaired" if g.repaired else ""
         holds = (down(times * g.strength.factor),) if g.strength else ()
         rows.append((str(k), f"{g.score:.2f}", *holds, *commands, *shares, *last))
     first = ["#", "score", *(["holds [times]"] if answer.grasps[0].strength else [])]

@@ -49,6 +49,15 @@ class Dexterity:
         return float(self.singular_values.prod()) if self.singular_values.size else 0.0
 
     @property
+    def typical(self) -> float:
+        """Geometric mean of the singular values, the d-th root of `manipulability`: comparable whatever d is.
+
+        By so many of its sizes the object moves, or by so many radians it turns, where the joints turn by one.
+        """
+        d = self.singular_values.size
+        return float(self.manipulability ** (1 / d)) if d else 0.0
+
+    @property
     def smallest(self) -> float:
         """The smallest singular value: the slowest object motion at joint speeds of norm 1; 0 if there are none."""
         return float(self.singular_values.min(initial=np.inf)) if self.singular_values.size else 0.0

@@ -173,5 +173,5 @@ def facts(answer: Grasps, which: int) -> list[tuple[str, str]]:
         ("curvature at contacts", ", ".join(num(k, 3) for k in g.curvatures) + " 1/m relative; 0 or more fits"),
         ("friction margin", f"{100 * g.friction_margin:.0f} % less would balance the loads too"),
         ("joint limits", f"{100 * g.terms['from_limits']:.0f} % of half the range away, or more"),
-        ("manipulability", f"{num(g.dexterity.manipulability, 3)}, isotropy {num(g.dexterity.isotropy, 3)}"),
+        ("dexterity", f"{num(g.dexterity.typical, 3)}, isotropy {num(g.dexterity.isotropy, 3)}"),
     ]

@@ -79,18 +79,26 @@ def direction_text(d: Sequence[float] | Array) -> str:
         return f"force along {along(d[:3])}"
     if not d[:3].any() and d[3:].any():
         return f"torque about {along(d[3:])}"
+    if _is_force(d):
+        return f"force along {along(d[:3])} {place_text(np.cross(d[:3], d[3:]) / (d[:3] @ d[:3]))}"
     return f"load along {vector(d)}"
 
 
 def magnitude(d: Sequence[float] | Array) -> tuple[float, str]:
-    """(factor, unit) of a multiple of the direction: N, N·m, or a bare number if it is both."""
+    """(factor, unit) of a multiple of the direction: N of a force, wherever it acts, N·m, or a bare number."""
     d = np.asarray(d, dtype=float)
     force, torque = float(np.linalg.norm(d[:3])), float(np.linalg.norm(d[3:]))
-    if force and not torque:
+    if _is_force(d):
         return force, "N"
     if torque and not force:
         return torque, "N·m"
     return 1.0, "× the direction"
+
+
+def _is_force(d: Array) -> bool:
+    """Is a wrench (6,) a force on some line, as a weight is, without a torque along it?"""
+    force, torque = float(np.linalg.norm(d[:3])), float(np.linalg.norm(d[3:]))
+    return force > 0 and abs(float(d[:3] @ d[3:])) <= 1e-9 * force * torque
 
 
 def actuator_unit(grasp: Grasp, actuator: str) -> str:

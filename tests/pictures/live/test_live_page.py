@@ -50,7 +50,11 @@ def test_page_and_socket_are_served(page: LivePage) -> None:
     from websockets.sync.client import connect
 
     with urllib.request.urlopen(page.url, timeout=LONGEST) as got:
-        assert b"<html" in got.read(2000).lower()
+        text = got.read()
+    assert b"<html" in text[:2000].lower()
+    head = text[: text.index(b"<meta")]  # before all of viser's own
+    assert b'matchMedia("(prefers-color-scheme: dark)")' in head and b"@media (max-width: 36em)" in head
+    assert b"<title>handfast view</title>" in text
     assert page.url.startswith("http://127.0.0.1:")
     with connect(page.url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as ws:
         sent = b"".join(ws.recv(timeout=LONGEST) for _ in range(2))

@@ -14,6 +14,7 @@ from handfast.core.transforms import matrix_quaternion, quaternion_matrix
 from handfast.pictures import words
 from handfast.pictures.camera import first_hit
 from handfast.pictures.live.answering import Reply
+from handfast.pictures.live.dressed_page import dressed
 from handfast.pictures.live.live_session import LiveSession
 from handfast.pictures.live.page_text import map_svg, verdict_html
 from handfast.pictures.live.same_origin import Doorkeeper
@@ -351,7 +352,7 @@ def _listening(host: str, port: int) -> Any:
             """There is no link through a stranger's machine."""
 
     with _quiet():
-        with Doorkeeper(host).at_the_door() as guarded:
+        with Doorkeeper(host).at_the_door(dressed) as guarded:
             server = LoopbackServer(host=host, port=port, verbose=False)
         if not guarded:
             server.stop()

@@ -1,4 +1,7 @@
-"""The panel's own pictures: the verdict, the margin as a bar, the map as a small plot. HTML and SVG."""
+"""The panel's own pictures: the verdict, the margin as a bar, the map as a small plot. HTML and SVG.
+
+Their colours that are not of an answer are those of `dressed_page`, light or dark.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,13 @@ from html import escape
 import numpy as np
 
 from handfast.pictures import words
-from handfast.pictures.live.shown_state import GREY, RGB, Shown
+from handfast.pictures.live.shown_state import CURVE, GREY, RGB, Shown
 from handfast.pictures.live.view_state import ARROW, Stage, ViewState
 
 BAR = 1.5  # shares of the largest load that the bar is long
 SIDE = 230  # pixels of the plot
 LINES = 90  # pixels that sentences take at least, or sliders would jump under the mouse
-SMALL_TEXT = 'font-size="11" fill="#667"'
+SMALL_TEXT = 'font-size="11" style="fill:var(--soft)"'
 WHERE = "position:absolute;top:0;bottom:0"
 
 
@@ -49,10 +52,10 @@ def bar_html(shown: Shown) -> str:
         )
     mark = 100 / BAR
     return (
-        '<div style="position:relative;height:16px;margin:4px 0 3px;border-radius:4px;background:#e3e6ea;'
+        '<div style="position:relative;height:16px;margin:4px 0 3px;border-radius:4px;background:var(--track);'
         f'overflow:hidden"><div style="{WHERE};left:0;width:{100 * width:.1f}%;background:{css(shown.color)}"></div>'
-        f'<div style="{WHERE};left:{mark:.1f}%;width:2px;background:#222"></div></div>'
-        f'<div style="color:#667">{escape(text)}</div>'
+        f'<div style="{WHERE};left:{mark:.1f}%;width:2px;background:var(--mark)"></div></div>'
+        f'<div style="color:var(--soft)">{escape(text)}</div>'
     )
 
 
@@ -71,10 +74,10 @@ def map_svg(state: ViewState, stage: Stage, shown: Shown) -> str:
 
     flat = xy(shown.map.outline)
     line = " ".join(f"{x:.1f},{y:.1f}" for x, y in flat)
-    fill, edge = ("#dfe8f4", "#2f6db3") if not shown.map.grey else ("#ececec", css(GREY))
+    fill, edge = ("--known", css(CURVE)) if not shown.map.grey else ("--late", css(GREY))
     parts = [
-        f'<circle cx="{middle}" cy="{middle}" r="{rim}" fill="none" stroke="#d5d9de"/>',
-        f'<polygon points="{line}" fill="{fill}" stroke="{edge}" stroke-width="1.6" stroke-linejoin="round"/>',
+        f'<circle cx="{middle}" cy="{middle}" r="{rim}" fill="none" style="stroke:var(--rim)"/>',
+        f'<polygon points="{line}" style="fill:var({fill})" stroke="{edge}" stroke-width="1.6" stroke-linejoin="round"/>',
     ]
     if len(shown.load):
         tip = xy(shown.load[-1:, 1])[0]
@@ -93,7 +96,7 @@ def map_svg(state: ViewState, stage: Stage, shown: Shown) -> str:
             x, y = middle + (rim + 8) * d[0], middle - (rim + 8) * d[1]
             parts.append(f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="middle" {SMALL_TEXT}>{name}</text>')
     return (
-        f'<div style="padding:0 14px"><svg width="{SIDE}" height="{SIDE}" viewBox="0 0 {SIDE} {SIDE}" '
+        f'<div class="map" style="padding:0 14px"><svg width="{SIDE}" height="{SIDE}" viewBox="0 0 {SIDE} {SIDE}" '
         f'style="display:block;margin:auto">{"".join(parts)}</svg></div>'
     )
 

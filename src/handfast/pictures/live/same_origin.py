@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -61,10 +61,10 @@ class Doorkeeper:
         return process_request
 
     @contextmanager
-    def at_the_door(self) -> Iterator[list[Any]]:
+    def at_the_door(self, inside: Callable[[Any], Any]) -> Iterator[list[Any]]:
         """Within it viser begins a server that asks this doorkeeper about all requests; it is then in the list.
 
-        viser has no setting for it, so that the class of its servers is another one meanwhile.
+        `inside` changes the server's own `process_request`, to which go those that are answered. viser has no setting for it, so that the class of its servers is another one meanwhile.
         """
         library: Any = import_module("websockets.asyncio.server")
         begun: list[Any] = []
@@ -73,7 +73,7 @@ class Doorkeeper:
         class Guarded(library.serve):
             def __init__(self, *arguments: Any, process_request: Any, **options: Any) -> None:
                 begun.append(self)
-                super().__init__(*arguments, process_request=wrapped(process_request), **options)
+                super().__init__(*arguments, process_request=wrapped(inside(process_request)), **options)
 
         with _starting:
             usual, library.serve = library.serve, Guarded
