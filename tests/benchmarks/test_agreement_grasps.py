@@ -20,6 +20,7 @@ def asked() -> list[Question]:
     return questions(NOWHERE)
 
 
+@pytest.mark.slow
 def test_more_than_a_thousand_questions_have_names_of_their_own(asked: list[Question]) -> None:
     names = [q.name for q in asked]
 

@@ -66,6 +66,7 @@ def test_random_preloads_press_the_contacts(grasps: ModuleType, chosen: list[Any
 
 
 @pytest.mark.parametrize("name", ["allegro_6_3", "allegro_7_4"])
+@pytest.mark.slow
 def test_contacts_at_one_point_close(chosen: list[Any], name: str) -> None:
     """Nearly parallel rows make working sets singular: no program may be given up for that."""
     case = next(c for c in chosen if c.name == name)

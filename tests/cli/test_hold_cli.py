@@ -38,6 +38,7 @@ def test_one_preload_holds_two_loads(grasp: str, capsys: pytest.CaptureFixture[s
     assert answer["margins"]["wrench 2"]["upper"] == pytest.approx(2.0, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_the_table_the_file_and_the_page_of_two_loads(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(capsys, "hold", grasp, *UP, *HALF, *QUICK, "--save", "hold.json", "--report", "hold.html")
     assert status == 0
@@ -101,6 +102,7 @@ def test_no_time_leaves_it_open(grasp: str, capsys: pytest.CaptureFixture[str]) 
     assert "a larger --timeout may decide it" in out
 
 
+@pytest.mark.slow
 def test_a_folder_has_a_line_each(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     folder = several(Path("grasps"))
     status, out, _ = run(capsys, "hold", folder, *UP, *QUICK, "--jobs", "1", "--save", "kept")

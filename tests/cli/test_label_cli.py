@@ -21,6 +21,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_table_a_summary_and_a_picture(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["label", "a.jsonl", "-o", "b.jsonl", "--directions", "1", "--gravity", "0", "0", "-1", "--mass", "1"]
     status, out, err = run(capsys, *asked)
@@ -82,6 +83,7 @@ def test_a_summary_of_something_else_is_not_written_over(
     assert (folder / name).read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_where_every_row_is_broken_the_table_says_why(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_lines(folder / "c.jsonl", "{", "{")
     status, out, _ = run(capsys, "label", "c.jsonl", "-o", "d.jsonl")

@@ -85,6 +85,7 @@ def test_the_start_of_a_step_is_no_part_of_grasp_files() -> None:
     assert "from" not in grasp_file.to_dict(load_grasp("fig9"))
 
 
+@pytest.mark.slow
 def test_hold_map_and_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     grasp, held, curve, grown = (str(tmp_path / f"{name}.json") for name in ("jaw", "hold", "map", "sweep"))
     grasp_file.save_grasp(jaw(), grasp)

@@ -40,6 +40,7 @@ def test_the_list_names_everything(capsys: pytest.CaptureFixture[str]) -> None:
     assert listed["methods"]["canonical"]["about"] == "task"
 
 
+@pytest.mark.slow
 def test_a_figure_is_written_once(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["paper", "fig8", "-o", "fig8.svg", "--quick"]) == 0
     assert Path("fig8.svg").read_text("utf-8").startswith("<?xml")

@@ -72,6 +72,7 @@ def test_ctrl_c_leaves_the_bounds_of_a_maximum(grasp: str) -> None:
     assert json.loads(done.stdout)["stop"] == "interrupted"
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_the_directions_of_a_map_that_were_asked(grasp: str) -> None:
     done = interrupted_program("handfast.cli.console.Watch.item", 40, "map", "grasp.json", "--steps", "6000", "--json")
     assert (done.returncode, done.stderr) == (3, "")

@@ -16,6 +16,7 @@ from tests.support.program import ask, complains, run
 SLIPS = ("settle", "fig1", "--wrench", "0", "2.4", "0")
 
 
+@pytest.mark.slow
 def test_a_grasp_is_followed_to_where_it_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = ("-o", str(tmp_path / "out"), "--report", str(tmp_path / "a.html"), "--strip", str(tmp_path / "a.png"))
     found = ask(capsys, *SLIPS, "--no-judge", "--timeout", "inf", *files)

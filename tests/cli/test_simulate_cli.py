@@ -22,6 +22,7 @@ def pinched(tmp_path: Path) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 def test_a_simulation_is_told_and_written(pinched: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = {"--save": "a.json", "--series": "a.csv", "--strip": "a.png", "--film": "a.gif"}
     files = [word for option, name in names.items() for word in (option, str(tmp_path / name))]
@@ -53,6 +54,7 @@ def test_hand_and_object_are_simulated_where_they_are_known(pinched: str, capsys
     complains(capsys, ["simulate", pinched, "--bodies", "--wrench", "0", "0", "-0.5"], ["provenance", "not known"])
 
 
+@pytest.mark.slow
 def test_a_path_stands_beside_a_simulation(pinched: str, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["simulate", pinched, "--wrench", "0", "0", "-1.2", "--ramp", "2", "--path", "--closing", "1"]
     path = ask(capsys, *asked)["path"]

@@ -42,6 +42,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_what_plan_says_that_holds_check_says_of_its_file(planned: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = json.loads((planned / "out" / "plan.json").read_text())
     file = str(planned / "out" / said["grasps"][0]["grasp_file"])

@@ -97,6 +97,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
     return make
 
 
+@pytest.mark.slow
 def test_a_library_computes_what_its_functions_say(toy: Toy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # settings of numba do not count
     library = toy()
@@ -424,6 +425,7 @@ def test_only_what_is_missing_is_compiled(elsewhere: Elsewhere, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("baseline", slow_after(1, RUN_HERE), ids=lambda x: x.name)  # others may have to be compiled
+@pytest.mark.slow
 def test_every_baseline_answers_alike(monkeypatch: pytest.MonkeyPatch, baseline: Baseline) -> None:
     for library in (STABILITY, SYNTHESIS):
         takes = {name: entry.takes for name, entry in library.entries.items()}

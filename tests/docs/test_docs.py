@@ -340,6 +340,7 @@ def test_every_field_of_a_synthesis_is_in_its_table() -> None:
     assert all(f"| `{key}` |" in answers for key in keys)
 
 
+@pytest.mark.slow
 def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (DOCS / "answers.md").read_text("utf-8")
     up, proof = ["--direction", "0", "0", "1"], {"certified", "verified", "motion_cap", "exact", "motion"}

@@ -192,6 +192,7 @@ def test_the_exact_check_refuses_spoiled_evidence():
     assert not any(proved(system, s, QUICK.slack) for s in spoiled)
 
 
+@pytest.mark.slow
 def test_to_the_letter_all_sides_of_x_are_shrunk_and_split():
     system = finger(0.15)
     found = PaperSolver(system, ShrinkingSettings(sigma=0.5, significant=0.5)).search()
@@ -203,6 +204,7 @@ def test_to_the_letter_all_sides_of_x_are_shrunk_and_split():
     assert box.holds(touching(system, 0.15))
 
 
+@pytest.mark.slow
 def test_a_resumed_search_finds_the_same():
     system = wall(0.12)
     first, parts = PaperSolver(system, QUICK).search(), []

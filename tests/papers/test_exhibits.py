@@ -42,6 +42,7 @@ def table(name: str) -> TextTable:
 
 
 @pytest.mark.parametrize("name", CHEAP)
+@pytest.mark.slow
 def test_each_cheap_figure_is_made(name: str) -> None:
     assert picture(figure(name), "svg").startswith(b"<?xml")
 

@@ -44,6 +44,7 @@ def test_a_plan_is_one_page_with_all_its_grasps(tmp_path: Path) -> None:
     assert not (tmp_path / "none.html").exists()
 
 
+@pytest.mark.slow
 def test_configurations_are_drawn_with_the_object_if_the_task_names_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -69,6 +70,7 @@ def test_a_page_that_cannot_be_written_is_refused_before_the_search(
         complains(capsys, [*asked, *hopeless, "--report", "s.pdf"], ["s.pdf: a name that ends in .html or .htm"])
 
 
+@pytest.mark.slow
 def test_proposals_for_a_mesh_in_millimetres_know_its_size_and_mass(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -220,6 +220,7 @@ def test_a_fine_mesh_is_drawn_coarser_and_the_page_says_so() -> None:
     assert re.search(r"The object is drawn with fewer triangles: details below 1\.\d mm are lost", note)
 
 
+@pytest.mark.slow
 def test_a_hand_of_fine_meshes_is_drawn_with_coarser_hulls() -> None:
     """24 links of 6000 triangles each."""
     points = np.random.default_rng(0).normal(size=(3000, 3))
@@ -236,6 +237,7 @@ def test_a_hand_of_fine_meshes_is_drawn_with_coarser_hulls() -> None:
     assert note.startswith("The hand's shapes are drawn with fewer triangles")
 
 
+@pytest.mark.slow
 def test_bad_requests(tmp_path: Path, wristed: Hand) -> None:
     with pytest.raises(InputError, match=r"a.pdf: a name that ends in .html, .htm, .png, .svg is needed"):
         report_hand(tmp_path / "a.pdf", wristed)

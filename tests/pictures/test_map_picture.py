@@ -194,6 +194,7 @@ def test_scene_shows_the_solids(grasp: Grasp) -> None:
     assert len(draw_scene(meshes, grasp).axes) == 3
 
 
+@pytest.mark.slow
 def test_pictures_are_the_same_every_time(mapped: MapAnswer, swept: SweepAnswer, grasp: Grasp) -> None:
     for draw in (lambda: draw_map(mapped), lambda: draw_sweep(swept), lambda: draw_grasp(grasp)):
         for ending in ("png", "svg"):

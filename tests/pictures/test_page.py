@@ -224,6 +224,7 @@ def test_numbers(x: float, text: str) -> None:
     assert num(x) == text
 
 
+@pytest.mark.slow
 def test_demo_tells_a_story(grasp: Grasp, tmp_path: Path, capsys, monkeypatch) -> None:
     """The whole demo, on a small grasp and few directions; the bundled one has its own test."""
     monkeypatch.setattr(demo, "build", lambda: (grasp, []))

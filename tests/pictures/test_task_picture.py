@@ -105,6 +105,7 @@ def answer_of(name: str) -> tuple[object, Answer]:
     return task, Answer(found.q(task), found.pose, found.points(task), found.normals(task))
 
 
+@pytest.mark.slow
 def test_a_solution_is_drawn_whole() -> None:
     task, answer = answer_of("guitar-holding")
     figure = draw_task(task, answer)  # type: ignore[arg-type]
@@ -125,6 +126,7 @@ def test_a_solution_is_drawn_whole() -> None:
     assert key == ["hand", "object", "region of the hand", "region of the object", "contact, normal of the hand"]
 
 
+@pytest.mark.slow
 def test_a_task_alone_shows_hand_and_object_apart_and_the_same_every_time() -> None:
     task = load_task("scalpel-upholding")
     figure = draw_task(task)
@@ -147,6 +149,7 @@ def test_without_a_mesh_the_regions_are_drawn() -> None:
         draw_task(replace(task, object="spoon"))
 
 
+@pytest.mark.slow
 def test_the_side_of_a_cylinder_is_seen_from_where_its_normals_point() -> None:
     """The front half of a can, not the half behind, but of a hole the half behind alone."""
     task = load_task("scalpel-upholding")

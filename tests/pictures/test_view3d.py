@@ -74,6 +74,7 @@ def test_a_packed_solid_is_the_meshes(n: int, wide: bool) -> None:
     np.testing.assert_allclose(v[f], corners, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_page_carries_the_solids_and_every_load(entries: list[Entry], tmp_path: Path) -> None:
     meshes = [lattice(10, "object"), lattice(4, "hand", 0.1), lattice(5, "hand", 0.2)]
     write_report(tmp_path / "a.html", bell(), entries, meshes=meshes)

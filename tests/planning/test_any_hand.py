@@ -88,6 +88,7 @@ def test_a_wristed_hand_grasps(hand: Hand) -> None:
     assert len(touching) >= 2
 
 
+@pytest.mark.slow
 def test_regions_are_guessed_by_finger_and_on_the_palm(hand: Hand) -> None:
     regions = guess_regions(hand)
     assert {r.finger for r in regions.of("tip")} == {"index", "ring", "thumb"}

@@ -228,6 +228,7 @@ def test_a_four_bar_finger_closes_along_its_loop(tmp_path: Path) -> None:
     assert closed.stopped["crank"] == "coupler touches"
 
 
+@pytest.mark.slow
 def test_a_loop_stops_where_it_is_stretched(tmp_path: Path) -> None:
     hand = load_hand(FourBar(0.04, 0.035, 0.035, 0.05).write(tmp_path)).with_closing({"crank": 1})
     closed = close(hand, hand.configuration(), Body.of([Shape("sphere", 0.02)]), transform((1.0, 0, 0)))

@@ -49,6 +49,7 @@ def saved() -> Data:
 
 
 @pytest.mark.parametrize("name", slow_after(24, FORGED))
+@pytest.mark.slow
 def test_a_forged_file_is_refused(saved: Data, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     change, match = FORGED[name]
     if NO_STATE not in match:  # what is wrong is found without a proof: most modes that a state may have are left out

@@ -97,6 +97,7 @@ def test_every_start_is_counted_once(found: Grasps) -> None:
     assert sum(said.values()) == found.tally.total
 
 
+@pytest.mark.slow
 def test_the_same_seed_finds_the_same_on_two_cores() -> None:
     one, two = (grasp_for(load_task(NAME), loads=ONE, count=2, timeout=120, jobs=jobs) for jobs in (1, 2))
     assert len(one.grasps) == 2
@@ -131,6 +132,7 @@ def test_a_time_limit_is_undecided() -> None:
     assert (answer.verdict, answer.stop, answer.grasps) == (Reach.UNDECIDED, Stop.TIME, ())
 
 
+@pytest.mark.slow
 def test_an_interruption_keeps_what_was_found() -> None:
     def stop(_: object) -> None:
         raise KeyboardInterrupt
@@ -335,6 +337,7 @@ def test_from_its_file_alone_a_grasp_gets_the_same_verdict(found: Grasps, tmp_pa
 # --- the command line ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     status = main(

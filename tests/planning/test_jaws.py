@@ -132,6 +132,7 @@ def test_a_push_ends_with_the_object_between_the_jaws() -> None:
 # --- that they hold ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_flat_pads_find_their_preload() -> None:
     one = runner(load_hand("parallel-gripper"), BLOCK)
     grasps = [g for n in range(5) for g in one.run(n).found]

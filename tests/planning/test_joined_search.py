@@ -101,6 +101,7 @@ def weights(center: Any, mass: float = 0.1) -> Loads:
 
 
 @pytest.mark.parametrize(("gap", "shown"), [(0.003, True), (0.006, True), (0.008, True), (0.05, False)])
+@pytest.mark.slow
 def test_a_wall_before_the_side_to_touch(gap: float, shown: bool) -> None:
     """The fingertip is 18 mm thick: no room for it before a wall some millimetres away, enough before one at 50 mm."""
     task = grip(0.05)
@@ -133,6 +134,7 @@ def upright(lowest: float, highest: float) -> PoseBounds:
     return PoseBounds(np.array([[-0.012, 0.012], [-0.003, 0.003], [lowest, highest]]), axes)
 
 
+@pytest.mark.slow
 def test_a_post_that_meets_the_palm() -> None:
     """Below the block: its end is 30 mm or more inside the palm, or 10 mm above it if it is short."""
     task = grip(0.05, pose=upright(0.09, 0.1))
@@ -148,6 +150,7 @@ def test_a_post_that_meets_the_palm() -> None:
             assert "palm" in done.claim
 
 
+@pytest.mark.slow
 def test_forces_and_walls_discard_together() -> None:
     """The line through both contacts meets the centre of mass, 8 mm off the middle, only where a wall is."""
     task, half = grip(0.05, pose=upright(0.09, 0.1)), block((0.06, 0.02, 0.08), (0.033, 0.035 + 0.004, 0))
@@ -262,6 +265,7 @@ def never_discarded(part: ContactSetSearch, x: Array, chart: int, others: Intege
 
 
 @pytest.mark.parametrize("seed", slow_after(2, range(6)))
+@pytest.mark.slow
 def test_boxes_about_free_configurations_are_never_discarded(seed: int) -> None:
     """Of one contact, drawn at random among solids: mujoco measures that nothing is too deep in anything."""
     rng = np.random.default_rng(seed)
@@ -323,6 +327,7 @@ def test_a_task_that_an_obstacle_forbids_is_none(
     assert "inside the object" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 def test_what_is_left_of_an_undecided_one_is_said() -> None:
     """Boxes of the set that was discarded most, the largest of them, what has been discarded and why."""
     search = joined(grip(0.05), walled(0.012))
@@ -435,6 +440,7 @@ def test_other_solids_are_another_question(none: Grasps, tmp_path: Path) -> None
     assert "another question" in done.reason
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_from_a_file() -> None:
     """Trees that were saved half way and read again end like those that were not, and what is altered is refused."""
     task, body = grip(0.05), walled(0.008)

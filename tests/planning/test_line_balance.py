@@ -64,6 +64,7 @@ def test_arm_of_a_weight_is_its_distance_across_the_line(walks: Walks) -> None:
     assert line.arm(np.full(4, 0.5)) == pytest.approx(arm, abs=EXACT)
 
 
+@pytest.mark.slow
 def test_lid_is_lifted_and_the_grasp_is_called_fragile() -> None:
     answer = grasp_for(load_task(LID), BODY, DOWN, count=1, timeout=120, jobs=1)
     assert answer.verdict is Reach.FOUND

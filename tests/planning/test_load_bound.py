@@ -96,6 +96,7 @@ def known(scalpel: tuple[Task, Loads]) -> LoadBound:
     return bounded(*scalpel, 40)
 
 
+@pytest.mark.slow
 def test_no_placement_reaches_the_bound(scalpel: tuple[Task, Loads], known: LoadBound) -> None:
     """At random placements, and in boxes the factor of their leaf; more boxes are a smaller bound, which is proved."""
     assert known.reached <= known.factor < bounded(*scalpel, 0).factor
@@ -108,12 +109,14 @@ def test_no_placement_reaches_the_bound(scalpel: tuple[Task, Loads], known: Load
     assert "boxes are not refuted" in replayed(known, scalpel[1], 0.99)
 
 
+@pytest.mark.slow
 def test_loads_and_limits_scale_together(scalpel: tuple[Task, Loads], known: LoadBound) -> None:
     task, loads = scalpel
     assert bounded(task, loads.scaled(4.0), 40, 4.0).factor == pytest.approx(known.factor, rel=1e-4)
     assert bounded(task, loads, 40, 2.0).factor == pytest.approx(2 * known.factor, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_bound_goes_on_where_it_was(scalpel: tuple[Task, Loads], known: LoadBound) -> None:
     saved = json.loads(json.dumps(known.to_json()))
     again = bounded(*scalpel, 0, saved=saved)
@@ -170,6 +173,7 @@ def best() -> Iterator[Grasps]:
         yield grasp_for(load_task(NAME), body, Loads.gravity(body, "-z"), limits=LIMITS, **ASKED)
 
 
+@pytest.mark.slow
 def test_the_best_grasps_come_first_below_the_bound(best: Grasps) -> None:
     factors = [g.strength.factor for g in best.grasps if g.strength]
     assert (best.verdict, best.stop) == (Reach.FOUND, Stop.TIME)

@@ -58,6 +58,7 @@ def replayed(search: NoBalance, loads: Loads, friction: float = 0.5) -> bool:
 
 
 @pytest.mark.parametrize(("offset", "shown"), [(0.03, True), (0.0105, True), (0.0095, False), (0.0, False)])
+@pytest.mark.slow
 def test_edge_of_two_contacts_is_where_lines_reach(offset: float, shown: bool) -> None:
     """Squares of 10 mm half side: a line passes the centre of mass up to 10 mm beside the middle (`grip`)."""
     loads = weights([offset, 0, 0])
@@ -177,6 +178,7 @@ def test_two_fingertips_carry_no_weight_off_their_line(none: Grasps) -> None:
     assert report.part("balance").figures["line_distance"] == distance  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_none_is_saved_and_verified(none: Grasps, tmp_path: Path) -> None:
     none.save(tmp_path / "none.json")
     assert verify(tmp_path / "none.json").ok
@@ -231,6 +233,7 @@ def test_where_forces_balance_the_search_for_a_proof_ends() -> None:
 # --- going on -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_where_it_was() -> None:
     loads = weights([0.0102, 0, 0.003])
     whole = searched(grip(0.05), loads, boxes=3000)

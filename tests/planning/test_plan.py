@@ -97,6 +97,7 @@ def test_every_start_is_accounted_for(planned: Plan) -> None:
     assert entry["verdict"] == "holds"
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_grasps_on_any_number_of_cores(planned: Plan) -> None:
     again = plan(HAND, ball(), count=2, seed=5, jobs=2, attempts=60)
     assert [g.index for g in again.grasps] == [g.index for g in planned.grasps]
@@ -303,6 +304,7 @@ def test_a_grasp_is_like_itself_and_like_one_nearby(planned: Plan) -> None:
     assert most_different([], 2) == []
 
 
+@pytest.mark.slow
 def test_a_pool_returns_those_that_differ_most(planned: Plan) -> None:
     few = plan(HAND, ball(), count=1, pool=2, seed=5, jobs=1, attempts=60)
     assert few.tried == planned.tried  # both were gathered
@@ -316,6 +318,7 @@ def command(tmp_path: Path, **options: object) -> PlanGrasps:
     return PlanGrasps(hand="barrett-bh8-280", object="ball", jobs=1, output=tmp_path / "out", **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_command_writes_files_that_load(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command(tmp_path, count=1, seed=5, json=True).run() == 0
     answer = json.loads(capsys.readouterr().out)
@@ -372,6 +375,7 @@ def test_a_margin_that_was_not_asked_is_told_with_its_reason(planned: Plan, caps
     assert "Not asked of 1 grasp before the time ran out." in said
 
 
+@pytest.mark.slow
 def test_fewer_than_asked_for_is_undecided(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command(tmp_path, count=50, attempts=3).run() == 3
     out = capsys.readouterr().out

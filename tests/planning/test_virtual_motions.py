@@ -45,6 +45,7 @@ def asked(task: Task, side: str, limit: float) -> tuple[JoinedSearch, PlanLimits
 
 
 @pytest.mark.parametrize(("make", "side", "edge", "close"), slow_after(1, CASES))
+@pytest.mark.slow
 def test_the_least_limit_that_holds_the_weight(
     make: Callable[[Path], Task], side: str, edge: float, close: float, tmp_path: Path
 ) -> None:
@@ -146,6 +147,7 @@ def pinched() -> Any:
 
 @pytest.mark.parametrize("torsion", [0.0, 0.005, 0.05])
 @pytest.mark.parametrize("seed", slow_after(2, range(6)))
+@pytest.mark.slow
 def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(
     pinched: Any, seed: int, torsion: float
 ) -> None:
@@ -261,6 +263,7 @@ CHANGES = [
 
 
 @pytest.mark.parametrize("change", slow_after(0, CHANGES))
+@pytest.mark.slow
 def test_a_forged_proof_is_refused(none: Any, change: str) -> None:
     data = json.loads(json.dumps(grasps_file.to_dict(none.saved)))
     before = copy.deepcopy(data)

@@ -253,6 +253,7 @@ def on_surface(shape: Shape, rng: np.random.Generator, n: int = 16) -> tuple[Arr
 @pytest.mark.parametrize(
     "shape", [*(Shape(k, s, POSE) for k, s in ROUND), Shape("box", [0.02, 0.03, 0.05], POSE), stone(3)]
 )
+@pytest.mark.slow
 def test_parts_hold_every_point_with_every_normal(shape: Shape) -> None:
     rng, solid = np.random.default_rng(2), solid_of(shape)
     parts = solid.parts()

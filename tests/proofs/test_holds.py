@@ -147,6 +147,7 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
 
 
 @pytest.mark.parametrize(("change", "why"), FAULTS, ids=range(len(FAULTS)))
+@pytest.mark.slow
 def test_planted_faults_are_refused(change: Callable[[dict[str, Any]], Any], why: str) -> None:
     data = saved()
     change(data)

@@ -48,6 +48,7 @@ def test_a_planted_configuration_meets_every_condition(kind: str, seed: int) -> 
 
 @pytest.mark.parametrize("size", [1.0, 0.1, 1e-3, 1e-7])
 @pytest.mark.parametrize(("kind", "seed"), CASES)
+@pytest.mark.slow
 def test_boxes_around_a_planted_configuration_keep_it(kind: str, seed: int, size: float) -> None:
     case, rng = planted(kind, seed), np.random.default_rng(seed)
     x = coordinates(case)

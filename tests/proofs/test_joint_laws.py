@@ -511,6 +511,7 @@ def cases() -> Iterator[tuple[Grasp, np.ndarray | None, tuple[str, ...]]]:
         yield g, rng.random(len(names)) < 0.5, names[:1]
 
 
+@pytest.mark.slow
 def test_the_search_has_the_same() -> None:
     seen = np.zeros(6, dtype=int)
     for g, sought, limited in cases():

@@ -84,6 +84,7 @@ def every_row(q, cases, rng, references):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.slow
 def test_every_legal_row_holds_for_exact_states(family):
     rng, counts = np.random.default_rng(len(family)), dict.fromkeys(Row, 0)
     for _ in range(75):

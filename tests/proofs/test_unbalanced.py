@@ -279,6 +279,7 @@ def moved(region: Region, R: Array, t: Array, scale: float) -> Region:
 
 
 @pytest.mark.parametrize("seed", slow_after(6, range(12)))
+@pytest.mark.slow
 def test_what_is_refuted_is_so_at_every_placement(seed: int) -> None:
     """Of random boxes and twists, at random placements: the definition in plain numbers."""
     rng, contacts = np.random.default_rng(seed), 2 + seed % 3

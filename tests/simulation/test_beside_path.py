@@ -51,6 +51,7 @@ def test_commands_that_grow_slowly_lead_to_the_state_where_a_path_begins() -> No
     assert slow.largest == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_both_end_at_the_same_load() -> None:
     grasp = load_grasp("fig1")
     answer = maximum(grasp, [0, 1, 0], loading=FIRST, settings=Settings(gap=1e-2))

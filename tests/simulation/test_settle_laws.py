@@ -63,6 +63,7 @@ def test_a_tendon_at_its_end_lets_its_joint_go_no_further(tmp_path: Path) -> Non
     assert found.path[-1].q[1] > -0.0195
 
 
+@pytest.mark.slow
 def test_laws_that_do_not_count_do_not_at_rest(tmp_path: Path) -> None:
     """Without springs and friction 2 N on each side carry 2 N across, with both 2.8 N."""
     bare, whole = (sprung_jaws(tmp_path, laws=kept) for kept in ("none", "all"))

@@ -94,6 +94,7 @@ def test_what_is_not_there_is_refused() -> None:
         simulate_bodies(grasp, [0, 0, -0.1], bodies=stiff)
 
 
+@pytest.mark.slow
 def test_what_a_jolt_squeezed_is_not_kept_by_dry_friction(tmp_path: Path) -> None:
     """2 N and 0.5 N of the spring less 0.3 N of friction on the left, the right jaw locked: 2.2 N, as the model has."""
     grasp = sprung_jaws(tmp_path, lock=["right"])

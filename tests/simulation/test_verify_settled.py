@@ -56,11 +56,13 @@ def test_it_is_proved_but_for_its_path() -> None:
         ({"last": to_dict(pinch())}, "last: after: is 'holds'; asked again, it slips"),
     ],
 )
+@pytest.mark.slow
 def test_what_was_changed_is_refused(changed: dict[str, Any], why: str) -> None:
     done = replay_settled(settled(**changed), ALONE)
     assert re.match(why, done.fault), done.fault
 
 
+@pytest.mark.slow
 def test_what_no_forces_balance_slips() -> None:
     """A torque about the line through both contacts: nothing there can give one."""
     about = {"before": "slips", "wrench": [0, 0, 0, 1, 0, 0]}

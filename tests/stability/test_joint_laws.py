@@ -75,6 +75,7 @@ def balanced(answer: Any) -> None:
 
 
 @pytest.mark.parametrize(("laws", "direction", "most"), BY_HAND, ids=str)
+@pytest.mark.slow
 def test_the_largest_load_is_the_one_by_hand(laws: dict[str, Any], direction: list[int], most: float) -> None:
     """Alone, beside a base load along the same line, in a batch and prepared; each answer replayed."""
     grasp = jaw(**laws)

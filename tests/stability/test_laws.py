@@ -182,6 +182,7 @@ def test_a_law_finds_a_planted_fault(law: str, verb: str, lie: Callable[..., Any
         ("maximum", bounds(lower=0.99, upper=0.99)),
     ],
 )
+@pytest.mark.slow
 def test_frames_that_make_a_difference_are_found(verb: str, lie: Callable[..., Any]) -> None:
     """All of it in every one of the changes."""
     only = only_elsewhere(subject().grasp, lie, getattr(queries, verb))
@@ -189,6 +190,7 @@ def test_frames_that_make_a_difference_are_found(verb: str, lie: Callable[..., A
     assert all(any(what.startswith(name) for what in broken) for name in laws.changes(np.random.default_rng(0)))
 
 
+@pytest.mark.slow
 def test_a_hole_that_is_left_out_is_found() -> None:
     """This one resists 4.7 N, but slips at 2 to 3 N: `tests/stability/test_interval.py` shows both."""
     case = random_case(3, 510)

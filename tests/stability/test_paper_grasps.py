@@ -30,6 +30,7 @@ def up(newton: float) -> np.ndarray:
     return np.array([0, newton, 0, 0, 0, 0])
 
 
+@pytest.mark.slow
 def test_the_files_are_what_the_tool_makes() -> None:
     done = subprocess.run(
         [sys.executable, str(ROOT / "tools" / "paper_grasps.py"), "--check"], capture_output=True, text=True
@@ -128,6 +129,7 @@ def test_fig1_without_dissipation_holds_anything_out_of_nothing() -> None:
         assert energy.friction.min() < 0
 
 
+@pytest.mark.slow
 def test_fig1_hair_offset_wedges_to_one_side_and_eta_forgives_it() -> None:
     """Fig. 6a and 6b: at eta = 0 a push up and to one side is held at any force, to the other it is not."""
     g = load_grasp("fig1")

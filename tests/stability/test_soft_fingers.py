@@ -128,6 +128,7 @@ def test_a_joint_that_turns_about_the_normal(friction: float) -> None:
 # --- all questions ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_every_question_answers_alike() -> None:
     g, load = coin(), np.array([0, 0, 0, 0, 0, 0.05])
     assert check_many(g, [load, 2 * load]).verdict.tolist() == ["holds", "slips"]

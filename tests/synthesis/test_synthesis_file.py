@@ -114,6 +114,7 @@ def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
         ),
     ],
 )
+@pytest.mark.slow
 def test_none_that_the_checker_does_not_show_is_refused(by: str, why: str) -> None:
     answer = synthesize(grip(0.12))
     assert answer.searched is not None
@@ -124,6 +125,7 @@ def test_none_that_the_checker_does_not_show_is_refused(by: str, why: str) -> No
     assert done.replayed == ()
 
 
+@pytest.mark.slow
 def test_none_of_a_task_that_can_be_met_is_refused(found: Synthesis) -> None:
     searched = Searched("contacts 0 and 1", 1, 1.0, 1, 0, 0.0, 0.0)
     none = replace(found, verdict=Reach.NONE, solutions=(), searched=searched)

@@ -36,6 +36,7 @@ def files() -> dict[str, list[Path]]:
     return out | {"urdf": sorted(bundled.folder("hands").glob("*.urdf"))}
 
 
+@pytest.mark.slow
 def test_mutated_files_are_read_or_refused(fuzz: ModuleType, tmp_path: Path) -> None:
     counts: Counter[str] = Counter()
     for index in range(200):

@@ -72,6 +72,7 @@ def test_the_table_does_not_depend_on_workers_or_parts(lines: Path, tmp_path: Pa
     assert not folder_of(one).exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_was_ended_goes_on_with_what_is_missing(lines: Path, tmp_path: Path) -> None:
     whole, torn = tmp_path / "whole.jsonl", tmp_path / "torn.jsonl"
     label_dataset(lines, whole, labelling=LITTLE)

@@ -55,6 +55,7 @@ def rows(made: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (made / "labels.jsonl").read_text().splitlines()]
 
 
+@pytest.mark.slow
 def test_a_row_is_what_the_verbs_say_of_paths(made: Path) -> None:
     """By hand 2/3 times (-1, 1, 0) is reached, 0.943 N; across both sides rub with 1/2 each."""
     light, heavy = rows(made)
@@ -122,6 +123,7 @@ def faults(
     return "; ".join(f"{part.name}: {part.refused}" for part in done.parts[0].parts if part.refused)
 
 
+@pytest.mark.slow
 def test_what_was_changed_is_refused(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verify_labels._Row, "largest", lambda self: ())
     monkeypatch.setattr(verify_labels._Row, "worst", lambda self, faults: [])

@@ -57,6 +57,7 @@ def test_a_table_is_proved(made: Path) -> None:
     assert asked(made / "labels.jsonl", made, rows=[1]).parts == ()
 
 
+@pytest.mark.slow
 def test_what_was_changed_is_refused(made: Path, tmp_path: Path) -> None:
     """All at once. The weight is 0.49 N; 1 N is held across, 1.29 N in the worse of the two directions."""
     forged = {

@@ -201,6 +201,7 @@ def test_ports() -> None:
             free_port(name, 0)
 
 
+@pytest.mark.slow
 def test_the_program_serves_until_ctrl_c(tmp_path: Path) -> None:
     save_grasp(jaws(), tmp_path / "jaws.json")
     asked = [sys.executable, "-m", "handfast.cli", "view", "jaws.json", "--port", "0", "--no-browser"]

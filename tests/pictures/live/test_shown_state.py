@@ -79,6 +79,7 @@ def test_while_an_answer_is_due_the_last_one_is_kept_and_greyed_when_it_is_late(
     assert turned.map.grey
 
 
+@pytest.mark.slow
 def test_before_the_first_answer_and_after_a_fault_nothing_is_claimed() -> None:
     for what in (shown(HELD, STAGE, None), shown(HELD, STAGE, replies(HELD)[-1], fault="it broke & <b>")):
         assert (what.tone, what.color) == ("unknown", GREY)
@@ -97,6 +98,7 @@ def test_an_undecided_answer_is_called_so() -> None:
     assert "Neither was shown" in " ".join(what.sentences)
 
 
+@pytest.mark.slow
 def test_loads_and_maps_are_cut_at_the_rim() -> None:
     state = ViewState.of(two_fingers())
     stage = stage_of(state.grasp)

@@ -390,6 +390,7 @@ def forged(change: Any, **asked: Any) -> str:
     return path_steps.replay(path_steps.read_path(data)).reason
 
 
+@pytest.mark.slow
 def test_a_chain_with_a_fault_is_refused() -> None:
     def gap(data: Any) -> None:
         data["steps"][1]["from"]["gaps"][1] -= 1e-6  # the wall presses a little more than it did
@@ -445,6 +446,7 @@ def test_a_path_goes_on_from_numbers_near_the_state_that_is_proved() -> None:
 
 
 @pytest.mark.parametrize(("share", "said"), slow_after(1, [(0.9, "holds"), (1.1, "slips"), (0.5, "holds")]))
+@pytest.mark.slow
 def test_a_state_whose_motion_is_free_is_proved_where_it_stands(share: float, said: str) -> None:
     """The exact state that is found first moves by 1 N else: so the one that was met is proved, to 1e-9."""
     answer = check(load_grasp("tendon-block"), [0, share * 15.5555, 0], loading=FIRST)
@@ -507,6 +509,7 @@ def test_a_jaw_at_both_stops_is_answered() -> None:
     assert check(grasp, load, loading=FIRST).verdict in (Verdict.HOLDS, Verdict.SLIPS, Verdict.UNDECIDED)
 
 
+@pytest.mark.slow
 def test_check_does_not_slip_below_what_max_reaches() -> None:
     """`max` goes on to 1.137 in 4 and in 16 steps, `check` of 2 % less ends after paths of 1 and 4 steps."""
     contacts = [

@@ -22,6 +22,7 @@ from tests.support.saved_answers import ANSWERS, answer, text
 
 
 @pytest.mark.parametrize("name", ANSWERS)
+@pytest.mark.slow
 def test_what_is_saved_is_proved(name: str, tmp_path: Path) -> None:
     a, path = answer(name), tmp_path / "r.json"
     a.save(path)
@@ -112,6 +113,7 @@ def test_it_needs_neither_engine_nor_solver(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_on_the_command_line(tmp_path: Path, monkeypatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     handfast.save_grasp(bell(), "bell.json")

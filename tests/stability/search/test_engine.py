@@ -171,6 +171,7 @@ def test_a_limit_leaves_it_undecided(limit: dict, stop: Stop) -> None:
 
 
 @pytest.mark.parametrize("nodes", [3, 10, 30, 100, 300])
+@pytest.mark.slow
 def test_bounds_at_a_node_limit_are_true_and_proved(nodes: int) -> None:
     for answer, exact in (
         (maximum(bell(), w(0, 1, 0), settings=Settings(nodes=nodes, gap=1e-9)), 0.2 / 0.09),
@@ -325,6 +326,7 @@ def test_certificates_pass_and_faults_in_them_do_not(name: str) -> None:
         assert not checker.verify(other).ok
 
 
+@pytest.mark.slow
 def test_a_bound_that_rounding_left_without_a_state_gets_one() -> None:
     """Flat, beside a base load: the search breaks down near states that a check finds. The planar oracle: 2.978927."""
 
@@ -372,6 +374,7 @@ def test_least_commands_of_many_motors(seed: int, nodes: int, least: float) -> N
     assert answer.nodes <= nodes
 
 
+@pytest.mark.slow
 def test_where_joints_rub_children_are_tried_and_least_commands_take_few_nodes() -> None:
     """A motor for the first joint of each finger and one for the others: 16 actuators stand for their friction.
 
@@ -387,6 +390,7 @@ def test_where_joints_rub_children_are_tried_and_least_commands_take_few_nodes()
     assert answer.nodes <= 900
 
 
+@pytest.mark.slow
 def test_a_state_of_a_search_with_trials_that_the_judge_refuses_is_sought_without_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -419,6 +423,7 @@ def test_a_motor_that_turns_without_force_has_a_least_command() -> None:
     assert again.verdict is not Verdict.SLIPS
 
 
+@pytest.mark.slow
 def test_contacts_far_from_the_origin_are_searched_as_well_as_near_ones() -> None:
     """A pinch of 6 cm up to 40 m away: one in seven was undecided, as the rounding of forces counted at that arm."""
     rng, load = np.random.default_rng(0), np.array([0, -0.5, 0])

@@ -55,6 +55,7 @@ def test_not_asked_is_null() -> None:
     assert not {"holes", "unproved", "resolution", "holds_from_zero_upper"} & said.keys()
 
 
+@pytest.mark.slow
 def test_states_of_ranges_are_those_of_little_motion() -> None:
     """What the search finds of fig1 turns by 1e8 N/m beside 1 N. So do states where modes change, no others."""
     answer = maximum(load_grasp("fig1"), [0, 1, 0, 0, 0, 0], interval=True)
@@ -97,6 +98,7 @@ def test_limits_without_commands_are_one_ray() -> None:
     assert answer.verify().ok
 
 
+@pytest.mark.slow
 def test_a_hole_is_a_hole(holed: tuple[Grasp, np.ndarray, MaxAnswer]) -> None:
     grasp, direction, answer = holed
     i = answer.interval
@@ -207,6 +209,7 @@ def test_ctrl_c_leaves_an_answer(
 
 
 @pytest.mark.parametrize("seed", slow_after(2, range(702, 709)))
+@pytest.mark.slow
 def test_laws_over_fresh_grasps(seed: int) -> None:
     """What is shown is so: everything up to the bound holds, holes slip, and together they leave nothing unsaid."""
     case = random_case(3 + seed % 2, seed)

@@ -167,6 +167,7 @@ def states() -> list[Witness]:
 
 
 @pytest.mark.parametrize("k", range(24))
+@pytest.mark.slow
 def test_the_motion_never_grows(k: int) -> None:
     """And it stays an exact state of the same question, as it was or better; again changes nothing that counts."""
     every = states()
@@ -187,6 +188,7 @@ def test_the_motion_never_grows(k: int) -> None:
 
 @pytest.mark.parametrize("change", ["rotation", "shift", "far", "order", "length", "force"])
 @pytest.mark.parametrize("case", ["fig1", "table", "pinch", "random"])
+@pytest.mark.slow
 def test_axes_origin_units_and_order_change_nothing(case: str, change: str) -> None:
     grasp, wrench = {
         "fig1": (load_grasp("fig1"), PULL),

@@ -27,6 +27,7 @@ print("numba" in sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_questions_are_answered_without_numba() -> None:
     assert LIBRARY.functions.run
     done = subprocess.run([sys.executable, "-c", QUESTION], capture_output=True, text=True, check=True)
@@ -83,6 +84,7 @@ def test_the_kernel_reads_nothing_that_nobody_wrote(
     assert max(nodes for *_, nodes in usual) > 200  # two workers
 
 
+@pytest.mark.slow
 def test_the_kernel_writes_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
     """Arrays without padding, apart from each other: what lies between them stays as it is."""
     mark, between, blocks = 1.25e67, 16, []

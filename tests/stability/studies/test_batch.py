@@ -173,6 +173,7 @@ MIXED = [solved(seed, 4).grasp for seed in (1, 2, 5, 8)] + [bell(), pinch(), han
 
 @pytest.mark.parametrize("ask", [check_many, max_many])
 @pytest.mark.parametrize("limits", [GraspLimits(), GraspLimits(0.1), GraspLimits(force_limit=3.0)])
+@pytest.mark.slow
 def test_a_question_of_each_of_many_grasps_is_answered_as_by_itself(ask: Any, limits: GraspLimits) -> None:
     """To the last bit whichever other grasps there are; and as the query for one says."""
     W = np.array([loads(g, 2, seed=4) for g in MIXED])
@@ -326,6 +327,7 @@ def test_ctrl_c_during_a_search_ends_the_batch(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("length", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.slow
 def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
     """However long the direction is given, the force resisted is the same 2.2222 N, and so is its proof."""
     answer = maximum(bell(), length * np.array([0, 1.0, 0, 0, 0, 0]))

@@ -133,6 +133,7 @@ def test_torque_limits_hold_for_the_passive_reaction_too() -> None:
 
 
 @pytest.mark.parametrize("eta", [0.0, 0.1])
+@pytest.mark.slow
 def test_uncertain_normals_are_asked_about_throughout(eta: float) -> None:
     """1 N along +y is held from the level on at which 0.1 N m hold the maximum: homogeneity.
 

@@ -55,6 +55,7 @@ def coupled() -> Grasp:
         pytest.param(jaw(), GraspLimits(force_limit=1.31), 0.6, id="limit"),
     ],
 )
+@pytest.mark.slow
 def test_every_law_is_known_to_every_way_of_asking(grasp: Grasp, limits: GraspLimits, load: float) -> None:
     near, far = [-load, load, 0], [-3.0, 9.0, 0]
     found = prepare(grasp, limits=limits, **ALONG).check([near, far])
@@ -66,6 +67,7 @@ def test_every_law_is_known_to_every_way_of_asking(grasp: Grasp, limits: GraspLi
     assert held.verify().ok
 
 
+@pytest.mark.slow
 def test_maxima_of_many_are_those_of_one() -> None:
     W = [[-1, 1, 0], [0, 1, 0]]
     many = max_many(jaw(), W, settings=QUICK, **ALONG)
@@ -151,6 +153,7 @@ def changed(*path: Any, value: Any) -> str:
     return str(replay_sweep(data, Asking(jobs=1)).fault)
 
 
+@pytest.mark.slow
 def test_a_sweep_has_the_ends_of_paths_and_is_proved_again() -> None:
     data = json.loads(sweep_text())
     assert data["question"]["loading"] == FIRST
@@ -160,6 +163,7 @@ def test_a_sweep_has_the_ends_of_paths_and_is_proved_again() -> None:
     assert done.parts
 
 
+@pytest.mark.slow
 def test_what_was_changed_in_a_sweep_is_refused() -> None:
     assert "rows[1].lower[0]: is 0.69" in changed(
         "rows", 1, value={"preload": 1.0, "lower": [0.69], "upper": [0.7], "unbounded": [False]}
@@ -172,6 +176,7 @@ def test_what_was_changed_in_a_sweep_is_refused() -> None:
         changed("question", "loading", value="later")
 
 
+@pytest.mark.slow
 def test_a_map_is_of_paths() -> None:
     found = force_map(jaw(), "xy", steps=2, jobs=1, settings=QUICK, **ALONG)
     for k, direction in enumerate(found.directions):
@@ -191,6 +196,7 @@ def held(loading: Loading) -> HoldAnswer:
     return hold(jaw(), LOADS, margins=True, loading=loading)
 
 
+@pytest.mark.slow
 def test_one_preload_holds_loads_on_their_paths() -> None:
     """Together 1.2 N are needed. On the path 0.9 N do: 0.9 (2/3) = 0.6. That less would not do is not claimed."""
     found = held(FIRST)

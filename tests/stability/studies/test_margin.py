@@ -66,6 +66,7 @@ def assert_brackets(flip: Flip, value: float, resolution: float) -> None:
 
 
 @pytest.mark.parametrize("contacts", [1, 3, 4])
+@pytest.mark.slow
 def test_a_block_on_a_slope_keeps_the_tangent_of_the_slope(contacts: int) -> None:
     """Coulomb: it slides once mu < tan(angle); springs share the weight, cos(angle) / contacts each."""
     grasp, wrench = slope(0.2, 0.5, contacts)
@@ -91,6 +92,7 @@ def test_a_block_on_a_slope_keeps_the_rest_of_the_friction_angle(contacts: int) 
     np.testing.assert_allclose(tilt.towards, downhill, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_pinch() -> None:
     """1 N each; half of 0.5 N at each tip, so at atan(0.25) to the normals: the cones' half angle is atan(0.5)."""
     m = asked(pinch(), np.array([0, -0.5, 0, 0, 0, 0]))

@@ -130,6 +130,7 @@ WRONG: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
+@pytest.mark.slow
 def test_what_was_changed_in_a_map_is_refused(name: str) -> None:
     change, why = WRONG[name]
     data = json.loads(map_text())
@@ -145,6 +146,7 @@ def test_weaker_claims_are_proved_too() -> None:
     assert replay_map(data, ALONE).ok
 
 
+@pytest.mark.slow
 def test_a_lower_bound_alone_is_held_exactly() -> None:
     data = json.loads(map_text())
     both(put(CURVE, "lower", 1, value=0.95), put(CURVE, "upper", 1, value=None))(data)
@@ -193,6 +195,7 @@ def test_a_bound_for_small_motions_counts_only_where_the_search_was_complete() -
     assert shown.claim == "maxima: 1 claim, some up to virtual motions of 5 N"
 
 
+@pytest.mark.slow
 def test_an_interval_is_asked_again() -> None:
     """Along y of the bell everything up to the largest is resisted; a hole that is none is refused."""
     data = force_map(bell(), "yz", steps=1, interval=True, settings=Settings(gap=3e-2), jobs=1).to_json()

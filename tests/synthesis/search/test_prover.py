@@ -61,6 +61,7 @@ def test_never_discards_a_box_around_a_solution(name: str):
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.slow
 def test_never_discards_a_planted_solution_with_every_kind_of_joint_and_region(seed: int):
     planted = everything(seed)
     bound = planted.pose[:3, 3, None] + [-0.01, 0.01]

@@ -33,6 +33,7 @@ def test_the_bounds_of_the_position_belong_to_the_origin_alone():
     assert suspects(pinch(pose=out), sets(3)) == {(0, 2): True, (1, 2): True, (0, 1, 2): False}
 
 
+@pytest.mark.slow
 def test_two_contacts_that_are_suspected_have_most_of_the_time(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("handfast.synthesis.search.prover.SLICE", STEP)
     prover = Prover(TaskProblem.of(far()), workers=1)
@@ -44,6 +45,7 @@ def test_two_contacts_that_are_suspected_have_most_of_the_time(monkeypatch: pyte
     assert max(boxes["0-1"], boxes["0-2"]) < 0.1 * sum(boxes.values())
 
 
+@pytest.mark.slow
 def test_poses_have_most_of_the_time_where_no_two_contacts_are_suspected(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("handfast.synthesis.search.prover.SLICE", STEP)
     prover = Prover(TaskProblem.of(load_task("scalpel-incision")), workers=1)

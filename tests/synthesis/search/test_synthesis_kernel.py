@@ -168,6 +168,7 @@ def bow(k: int, d: np.ndarray, bend: np.ndarray, problem: TaskProblem) -> np.nda
 
 
 @pytest.mark.parametrize("seed", range(8))
+@pytest.mark.slow
 def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
     problem, rng = TaskProblem.of(everything(seed).task), np.random.default_rng(seed)
     flat, n, b = problem.flat, problem.n, len(problem.task.contact_pairs)
