@@ -53,7 +53,8 @@ def test_page_and_socket_are_served(page: LivePage) -> None:
         text = got.read()
     assert b"<html" in text[:2000].lower()
     head = text[: text.index(b"<meta")]  # before all of viser's own
-    assert b'matchMedia("(prefers-color-scheme: dark)")' in head and b"@media (max-width: 36em)" in head
+    assert b'matchMedia("(prefers-color-scheme: dark)")' in head
+    assert b"@media (max-width: 36em)" in head
     assert b"<title>handfast view</title>" in text
     assert page.url.startswith("http://127.0.0.1:")
     with connect(page.url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as ws:

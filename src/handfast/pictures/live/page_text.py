@@ -77,7 +77,8 @@ def map_svg(state: ViewState, stage: Stage, shown: Shown) -> str:
     fill, edge = ("--known", css(CURVE)) if not shown.map.grey else ("--late", css(GREY))
     parts = [
         f'<circle cx="{middle}" cy="{middle}" r="{rim}" fill="none" style="stroke:var(--rim)"/>',
-        f'<polygon points="{line}" style="fill:var({fill})" stroke="{edge}" stroke-width="1.6" stroke-linejoin="round"/>',
+        f'<polygon points="{line}" style="fill:var({fill})" stroke="{edge}" stroke-width="1.6" '
+        'stroke-linejoin="round"/>',
     ]
     if len(shown.load):
         tip = xy(shown.load[-1:, 1])[0]

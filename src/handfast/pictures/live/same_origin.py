@@ -64,7 +64,10 @@ class Doorkeeper:
     def at_the_door(self, inside: Callable[[Any], Any]) -> Iterator[list[Any]]:
         """Within it viser begins a server that asks this doorkeeper about all requests; it is then in the list.
 
-        `inside` changes the server's own `process_request`, to which go those that are answered. viser has no setting for it, so that the class of its servers is another one meanwhile.
+        viser has no setting for it, so that the class of its servers is another one meanwhile.
+
+        Args:
+            inside: changes the server's own `process_request`, which answers those that are not refused.
         """
         library: Any = import_module("websockets.asyncio.server")
         begun: list[Any] = []
