@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.program import ask, run
+from handfast.cli.app import parse
+from handfast.planning.question import PlanOptions
+from handfast.readers.load_hand import load_hand
+from tests.support.program import ask, complains, run
 
 QUICK = ["--gap", "0.02"]
 COMMON = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
@@ -195,3 +198,28 @@ def test_sweep(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
             row["upper"][0],
         ]
         assert line[5] == ""
+
+
+def test_torque_limits_as_the_file_of_the_hand_states_them(capsys: pytest.CaptureFixture[str]) -> None:
+    """The same as by name; one by name comes first; what knows no hand, or a hand without, is refused."""
+    asked = ("max", "barrett-can", "--direction", "0", "0", "-1", *QUICK, "--save", "max.json", "--force")
+    motors = ("finger_1_spread", "finger_1_prox", "finger_2_prox", "finger_3_prox")
+
+    def limits(*given: str) -> dict[str, float]:
+        assert run(capsys, *asked, "--torque-limit", *given)[0] == 0
+        return json.loads(Path("max.json").read_text())["question"]["torque_limits"]
+
+    assert limits("hand") == dict.fromkeys(motors, 5)
+    assert limits("hand", "finger_1_prox=2") == dict.fromkeys(motors, 5) | {"finger_1_prox": 2}
+    direction = ("--direction", "0", "0", "1", "--torque-limit", "hand")
+    complains(
+        capsys, ["max", "four-feet", *direction], ["step-ground: --torque-limit: states no strength of its motors"]
+    )
+    complains(capsys, ["max", "tendon-fingers", *direction], ["does not say which hand it came from"])
+    assert "motors at most  5 N·m each, by its file" in run(capsys, "show", "barrett-bh8-280")[1]
+
+
+def test_searches_take_the_strengths_of_their_hand() -> None:
+    told = parse(["plan", "tendon-hand", "ball", "--torque-limit", "left=90", "hand"])
+    limits = told.options(PlanOptions, lambda: load_hand("tendon-hand")).limits
+    assert limits.torque_limits == {"thumb": 200, "left": 90, "right": 200}

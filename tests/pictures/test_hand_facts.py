@@ -116,7 +116,7 @@ def test_rows_say_limits_senses_and_what_follows_what(facts: HandFacts) -> None:
     assert rows["turn"][1:6] == ["−28.6° to 28.6°", "−0.5 to 0.5 rad", "–", "no", "turn"]
     assert rows["l2"][3:6] == ["–", "+", "follows 0.5 × l1 + 0.1"]
     assert hand_rows.counts(facts) == "7 links, 5 joints, 4 actuators, 1 coupling, 2 fingers"
-    assert hand_rows.actuator_rows(facts)[0] == ["lift", "lift", "motor", "N"]
+    assert hand_rows.actuator_rows(facts)[0] == ["lift", "lift", "motor", "N", "–"]
 
 
 def test_json_names_everything(facts: HandFacts) -> None:

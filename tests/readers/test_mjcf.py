@@ -181,6 +181,42 @@ def test_motors_are_geared_and_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("actuator", "most"),
+    [
+        ('<motor joint="a" gear="-3" forcerange="-2 1" forcelimited="true"/>', 6.0),
+        ('<motor joint="a" gear="3" ctrlrange="-2 5" ctrllimited="true"/>', 15.0),
+        (
+            '<general joint="a" gainprm="-4" ctrlrange="-2 5" ctrllimited="true" forcerange="-7 7" '
+            'forcelimited="true"/>',
+            7.0,
+        ),
+        (
+            '<position joint="a" kp="1e6" ctrlrange="-1 1" ctrllimited="true" forcerange="-3 3" forcelimited="true"/>',
+            3.0,
+        ),
+        ('<motor tendon="t" ctrlrange="-9 0" ctrllimited="true"/>', 0.09),
+    ],
+)
+def test_the_strength_of_a_motor_is_what_mujoco_lets_it_give(tmp_path: Path, actuator: str, most: float) -> None:
+    path = driven(tmp_path, actuator, WRAPS)
+    hand = load_hand(path)
+    strength = hand.strengths[hand.mechanism.actuators[0]]
+    given = max(abs(torques(path, control)[0]) for control in (-1e9, 1e9))
+    assert strength * abs(hand.mechanism.R[0, 0]) == pytest.approx(given)
+    assert given == pytest.approx(most)
+
+
+def test_strengths_that_no_file_states_and_those_of_joints(tmp_path: Path) -> None:
+    servo = '<position name="s" joint="a" kp="3" ctrlrange="-1 3" ctrllimited="true"/><motor name="m" joint="b"/>'
+    assert load_hand(driven(tmp_path, servo, "")).strengths == {}  # the range is one of positions
+    path = driven(tmp_path, '<motor name="m" joint="a" gear="-4" forcerange="-1 1" forcelimited="true"/>', "")
+    path.write_text(
+        path.read_text().replace('name="a"', 'name="a" actuatorfrcrange="-2 2" actuatorfrclimited="true"', 1)
+    )
+    assert load_hand(path).strengths == {"m": 0.5}
+
+
+@pytest.mark.parametrize(
     ("rest", "match"),
     [
         (

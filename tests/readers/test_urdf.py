@@ -180,3 +180,19 @@ def test_refusals_name_the_joint_or_the_link(tmp_path: Path, parts: str, match: 
 def test_what_cannot_be_opened_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=rf"^{tmp_path}: cannot be read \(Is a directory\)$"):
         read_robot_xml(tmp_path)
+
+
+def test_efforts_are_the_strengths_of_motors(tmp_path: Path) -> None:
+    """A joint that follows another has no motor; what is 0, or no number, states nothing."""
+    one, none, bad = (LIMIT.replace("/>", f" effort='{e}'/>") for e in ("2.5", "0", "much"))
+    mimic = "<mimic joint='p'/>"
+    found = hand(
+        tmp_path,
+        joint(one, name="p"),
+        joint(none, name="q", parent="b", child="c"),
+        joint(bad, name="r", parent="c", child="d"),
+        joint(one + mimic, name="s", parent="d", child="e"),
+        links="abcde",
+    )
+    assert found.strengths == {"p": 2.5}
+    assert found.mechanism.actuators == ("p", "q", "r")

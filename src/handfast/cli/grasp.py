@@ -63,8 +63,8 @@ class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
         from handfast.planning.results.folder import GraspFolder
 
         allowed = Allowed(self.depth, self.depth, self.depth)
-        options: TaskGraspOptions = self.options(TaskGraspOptions, allowed=allowed)
         task = load_solvable(self.task)
+        options: TaskGraspOptions = self.options(TaskGraspOptions, lambda: task.hand, allowed=allowed)
         task = replace(task, hand=self.lawful(task.hand))
         name = self.object or task.object
         if name is None:

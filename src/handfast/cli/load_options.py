@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,15 +12,15 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli.options import (
     ALL,
-    Assignments,
     Command,
     Gravity,
     Numbers,
     Reported,
+    TorqueLimits,
     Triple,
     WorkOptions,
     Wrench,
-    assigned,
+    torque_limits,
 )
 from handfast.core import bundled
 from handfast.core.errors import InputError
@@ -309,8 +309,8 @@ class SearchFlags(LoadsOptions, WorkOptions, Reported, Command):
     """two links of the hand that may overlap, as their shapes do and the real links do not; repeatable"""
     command_limit: Annotated[float | None, arg(metavar="V")] = None
     """largest command of any actuator [N m or N]; by default ten times the largest load at the grasp's size"""
-    torque_limit: Assignments = ()
-    """largest torque (force) of an actuator with its gearing, passive reaction included"""
+    torque_limit: TorqueLimits = ()
+    """largest torque (force) of an actuator and its gearing, passive reaction included; hand: as its file states"""
     force_limit: Annotated[float | None, arg(metavar="N")] = None
     """largest normal force at any contact [N]"""
     eta: Annotated[float, arg(metavar="DEG")] = 0.0
@@ -320,11 +320,15 @@ class SearchFlags(LoadsOptions, WorkOptions, Reported, Command):
     resume: bool = False
     """go on from what FOLDER holds; the same question, but for how many and how long, --pool and --jobs"""
 
-    def options(self, kind: type[SearchOptions], **more: Any) -> Any:
-        """The options of the API, of a kind: by their names, `more` where these are others on the command line."""
+    def options(self, kind: type[SearchOptions], hand: Callable[[], Hand], **more: Any) -> Any:
+        """The options of the API, of a kind: by their names, `more` where these are others on the command line.
+
+        Args:
+            hand: reads the hand, for what its file states.
+        """
         limits = PlanLimits(
             command_limit=self.command_limit,
-            torque_limits=assigned(self.torque_limit, "--torque-limit"),
+            torque_limits=torque_limits(self.torque_limit, hand),
             force_limit=self.force_limit,
             eta=float(np.radians(self.eta)),
             loading=getattr(self, "loading", "together"),

@@ -13,12 +13,11 @@ from handfast.cli import console
 from handfast.cli.console import print_table
 from handfast.cli.maps import Figures
 from handfast.cli.options import (
-    Assignments,
     Command,
     GraspOptions,
     Reported,
+    TorqueLimits,
     Triple,
-    assigned,
     write_as,
 )
 from handfast.core.errors import InputError
@@ -46,8 +45,8 @@ class MeasureGrasp(GraspOptions, Reported, Command):
     """edges of the pyramids that stand for friction cones"""
     force_limit: Annotated[float, arg(metavar="N")] = 1.0
     """largest normal force at each contact [N], where a measure has one"""
-    torque_limit: Assignments = ()
-    """largest torque (force) of an actuator, for the largest wrench and the smallest forces"""
+    torque_limit: TorqueLimits = ()
+    """largest torque of an actuator, for the largest wrench and the smallest forces; hand: what its file states"""
     passive: bool = True
     """leave out the passive maxima, which are searches and may take seconds"""
     nodes: Annotated[float, arg(metavar="N")] = 1000
@@ -60,7 +59,7 @@ class MeasureGrasp(GraspOptions, Reported, Command):
         try:
             found = measure(
                 grasp, about=self.about or None, length=self.length, edges=self.edges, force_limit=self.force_limit,
-                torque_limits=assigned(self.torque_limit, "--torque-limit"), passive=self.passive,
+                torque_limits=self.torque_limits(), passive=self.passive,
                 settings=Settings(nodes=self.nodes, gap=GAP, verify=False),
             )  # fmt: skip
         except InputError as error:

@@ -9,6 +9,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, TypeVar, get_type_hints
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from handfast.core.answer import Stop, Verdict
     from handfast.model.grasp import Grasp
+    from handfast.model.hand.hand import Hand
     from handfast.pictures import Entry
     from handfast.stability.problem.grasp_limits import GraspLimits
     from handfast.stability.problem.settings import Settings
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
 Numbers = tuple[float, ...]
 Pairs = tuple[tuple[str, float], ...]
 T = TypeVar("T")
+OF_HAND = "", float("inf")  # the word `hand` among torque limits: what the hand's file states
 
 
 def _wrench(words: list[str]) -> Numbers:
@@ -54,6 +57,11 @@ def _pairs(words: list[str]) -> Pairs:
             raise ValueError(f"'{word}' is not NAME=VALUE")
         out.append((name, _number(value)))
     return tuple(out)
+
+
+def _limits(words: list[str]) -> Pairs:
+    """NAME=VALUE, any number of them, and the word hand."""
+    return tuple(pair for word in words for pair in ((OF_HAND,) if word == "hand" else _pairs([word])))
 
 
 def is_number(word: str) -> bool:
@@ -109,10 +117,11 @@ Wrench = Annotated[Numbers, _several("FX FY FZ TX TY TZ", _wrench)]
 Triple = Annotated[Numbers, _several("X Y Z", _triple)]
 Gravity = Annotated[tuple[Any, ...], _several("X Y Z | all", _gravity)]
 Assignments = UseAppendAction[tuple[Annotated[Pairs, _several("NAME=VALUE", _pairs)], ...]]
+TorqueLimits = UseAppendAction[tuple[Annotated[Pairs, _several("NAME=VALUE | hand", _limits)], ...]]
 GraspName = Annotated[Positional[str], arg(metavar="GRASP")]
 
 
-def assigned(groups: Sequence[Pairs], field: str) -> dict[str, float]:
+def assigned(groups: Sequence[Sequence[tuple[str, float]]], field: str) -> dict[str, float]:
     """All NAME=VALUE of a repeatable option; a name given twice is an error."""
     out: dict[str, float] = {}
     for name, value in (pair for group in groups for pair in group):
@@ -120,6 +129,32 @@ def assigned(groups: Sequence[Pairs], field: str) -> dict[str, float]:
             raise InputError(f"'{name}' is given twice", field=field)
         out[name] = value
     return out
+
+
+def torque_limits(groups: Sequence[Pairs], hand: Callable[[], Hand], actuators: Sequence[str] = ()) -> dict[str, float]:
+    """Torque limits by actuator: what is given by name, and for the word `hand` of the others what its file states.
+
+    Args:
+        hand: reads it, if it is asked for. actuators: those that count; all of the hand's unless given.
+
+    Raises:
+        InputError: a name is given twice; a hand that states nothing of its motors.
+    """
+    option = "--torque-limit"
+    named = assigned([[pair for pair in group if pair != OF_HAND] for group in groups], option)
+    if not asks_hand(groups):
+        return named
+    found = hand()
+    known = actuators or found.mechanism.actuators
+    stated = {name: most for name, most in found.strengths.items() if name in known}
+    if not stated:
+        raise InputError("states no strength of its motors; give NAME=VALUE", source=found.name, field=option)
+    return stated | named
+
+
+def asks_hand(groups: Sequence[Pairs]) -> bool:
+    """Is the word `hand` among torque limits?"""
+    return any(pair == OF_HAND for group in groups for pair in group)
 
 
 def closing_senses(groups: Sequence[Pairs]) -> dict[str, int]:
@@ -248,6 +283,14 @@ class GraspOptions:
         refuse_hand(self.grasp)
         return self.changed(load_grasp(self.grasp), self.grasp)
 
+    def torque_limits(self) -> dict[str, float]:
+        """Those of `--torque-limit`, where there is that option."""
+        from handfast.readers.configuration_file import load_hand_of
+
+        groups: Sequence[Pairs] = getattr(self, "torque_limit", ())
+        actuators = self.load().mechanism.actuators if asks_hand(groups) else ()
+        return torque_limits(groups, lambda: load_hand_of(self.load()), actuators)
+
     def changed(self, grasp: Grasp, source: str) -> Grasp:
         """A grasp with what is asked for in place of what its file says."""
         if self.preload and self.no_preload:
@@ -316,8 +359,8 @@ class QueryOptions(GraspOptions, Reported):
 
     eta: Annotated[float, arg(metavar="DEG")] = 0.0
     """how far the contact normals may be off [degrees], the stability paper's section VI"""
-    torque_limit: Assignments = ()
-    """largest torque (force) of an actuator with its gearing, passive reaction included"""
+    torque_limit: TorqueLimits = ()
+    """largest torque (force) of an actuator and its gearing, passive reaction included; hand: as its file states"""
     force_limit: Annotated[float | None, arg(metavar="N")] = None
     """largest normal force at any contact [N]"""
     gap: Annotated[float, arg(metavar="G")] = 1e-3
@@ -358,15 +401,14 @@ class QueryOptions(GraspOptions, Reported):
 
         return Settings(gap=self.gap, timeout=self.timeout, nodes=self.nodes)
 
-    @property
+    @cached_property
     def limits(self) -> GraspLimits:
         """The limits in SI units."""
         import numpy as np
 
         from handfast.stability.problem.grasp_limits import GraspLimits
 
-        torques = assigned(self.torque_limit, "--torque-limit")
-        return GraspLimits(float(np.radians(self.eta)), torques, self.force_limit)
+        return GraspLimits(float(np.radians(self.eta)), self.torque_limits(), self.force_limit)
 
     def options(self) -> dict[str, Any]:
         """Keyword arguments that all queries take."""

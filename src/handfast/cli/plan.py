@@ -31,6 +31,7 @@ from handfast.planning.question import PlanOptions, compared
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Journal
 from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.readers.registry import MESHES, ending
 from handfast.stability.problem.loads import Loads
 
@@ -81,7 +82,10 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
         if twice:
             raise InputError(f"'{twice}' is given twice", field="OBJECT")
         options: PlanOptions = self.options(
-            PlanOptions, sampling=Sampling(approach=self.approach or None), surroundings=self._surroundings()
+            PlanOptions,
+            lambda: load_hand(self.hand, root=self.root, srdf=self.srdf),
+            sampling=Sampling(approach=self.approach or None),
+            surroundings=self._surroundings(),
         )
         self.workers()  # refused before the work
         asked = [self._for(name) for name in names] if self.others else [self]

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from handfast.cli import console
 from handfast.cli.console import print_table, table
-from handfast.cli.options import QueryOptions, assigned
+from handfast.cli.options import QueryOptions
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Contact, Grasp
 from handfast.pictures import sentences, words
@@ -312,7 +312,7 @@ def _head(
     out.print(f"{grasp.name}: {facts}", style="dim")
     if laws := laws_text(grasp):
         out.print(laws, style="dim", soft_wrap=True)
-    for name, most in assigned(asked.torque_limit, "--torque-limit").items():
+    for name, most in asked.limits.torque_limits.items():
         if abs(commands.get(name, 0.0)) > most:
             unit = words.actuator_unit(grasp, name)
             text = (

@@ -229,6 +229,7 @@ def to_json(shown: ShownHand) -> dict[str, Any]:
             "moves": {j: float(r) for j, r in zip(hand.joint_names, row, strict=True) if r},
             "tendon": tendon,
             "backdrivable": free,
+            "strength": hand.strengths.get(name),
         }
         for name, row, tendon, free in zip(mech.actuators, mech.R, mech.tendon, mech.backdrivable, strict=True)
     ]

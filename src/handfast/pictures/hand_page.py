@@ -167,7 +167,11 @@ def _sections(shown: ShownHand) -> list[str]:
     facts = shown.facts
     heads = ["joint", "#type", "#limits", "#in SI units", "#besides its motor", "#closes", "#driven by", "#part of"]
     joints = table(heads, hand_rows.joint_rows(facts), "Joints")
-    actuators = table(["actuator", "#moves", "#kind", "#command in"], hand_rows.actuator_rows(facts), "Actuators")
+    actuators = table(
+        ["actuator", "#moves", "#kind", "#command in", "#most, in its file"],
+        hand_rows.actuator_rows(facts),
+        "Actuators",
+    )
     heads = ["region", "#finger", "#role", "#link", "#surface", "off the shapes"]
     regions = table(heads, hand_rows.region_rows(facts), "Regions")
     note = (

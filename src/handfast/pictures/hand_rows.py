@@ -9,7 +9,7 @@ from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Cap
 from handfast.pictures.hand_facts import HandFacts, ShownHand
-from handfast.pictures.words import along, body_text, hand_joint_text, hand_laws_text, hand_text, num
+from handfast.pictures.words import along, body_text, hand_joint_text, hand_laws_text, hand_text, listed, num
 
 Rows = list[list[str]]
 
@@ -71,15 +71,28 @@ def joint_rows(facts: HandFacts) -> Rows:
 
 
 def actuator_rows(facts: HandFacts) -> Rows:
-    """Per actuator: name, what it moves, kind, its command's unit."""
+    """Per actuator: name, what it moves, kind, its command's unit, what its file states to be the most."""
     hand, mech, rows = facts.hand, facts.hand.mechanism, []
     for name, row, tendon, free in zip(mech.actuators, mech.R, mech.tendon, mech.backdrivable, strict=True):
         kind = "tendon, pulls only" if tendon else "motor, backdrivable" if free else "motor"
         moves = [(j.name, r, j.type) for j, r in zip(hand.joints, row, strict=True) if r]
         text = " + ".join(n if r == 1 else f"{num(float(r))} × {n}" for n, r, _ in moves)
         turns = not tendon and any(kind == "revolute" for _, _, kind in moves)
-        rows.append([name, text, kind, "N·m" if turns else "N"])
+        most = num(hand.strengths[name]) if name in hand.strengths else "–"
+        rows.append([name, text, kind, "N·m" if turns else "N", most])
     return rows
+
+
+def strengths_text(facts: HandFacts) -> str:
+    """What the hand's file states of its motors' strength: '5 N·m each', 'not stated'."""
+    stated: dict[str, list[str]] = {}
+    for name, _, _, unit, most in actuator_rows(facts):
+        stated.setdefault("not stated" if most == "–" else f"{most} {unit}", []).append(name)
+    if set(stated) == {"not stated"}:
+        return "not stated in its file"
+    said = [f"{most}: {listed(names)}" for most, names in stated.items()]
+    each = f"{min(stated)} each" if len(said) == 1 else "; ".join(said)
+    return f"{each}, by its file; a limit only with --torque-limit hand"
 
 
 def region_rows(facts: HandFacts) -> Rows:
@@ -145,6 +158,8 @@ def overview(facts: HandFacts) -> list[tuple[str, str]]:
         way = "a stopped driver lets them go on (a clutch)" if hand.breakaway else "rigid"
         rows.append(("couplings", f"{len(hand.couplings)}, {way}"))
     rows.append(("joint laws", hand_laws_text(hand)))
+    if hand.mechanism.a:
+        rows.append(("motors at most", strengths_text(facts)))
     bare = [link.name for link in hand.links if not link.shapes]
     if bare:
         rows.append(("links without shapes", _listed(bare)))

@@ -71,6 +71,19 @@ class GraspParts:
     files: tuple[str, str]
 
 
+def load_hand_of(grasp: Grasp) -> Hand:
+    """The hand of a grasp as its provenance names it.
+
+    Raises:
+        InputError: it names none, or its file is gone, has changed or cannot be read.
+    """
+    came = grasp.provenance.hand if grasp.provenance else None
+    fault = came.fault("hand") if came else "the grasp file does not say which hand it came from"
+    if came is None or fault:
+        raise InputError(f"the hand is not known: {fault}", source=grasp.name, field="provenance")
+    return load_hand(came.path)
+
+
 def load_parts(grasp: Grasp, right: str = "") -> GraspParts:
     """Hand, object and configuration as the grasp's provenance names them.
 

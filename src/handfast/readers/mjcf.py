@@ -25,6 +25,7 @@ from handfast.readers.mjcf_mechanism import (
     non_colliding,
     passive_tendons,
     say_what_is_left_out,
+    strengths,
     ties,
 )
 
@@ -146,6 +147,7 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
         non_colliding=non_colliding(part),
         loops=loops,
         tendons=passive_tendons(part),
+        strengths=strengths(part, drives),
     )
     if loops and m.nu == 0:
         follow = {joints[j].name for j in hand.dependent}

@@ -224,6 +224,40 @@ def mechanism(part: ModelPart, joints: tuple[Joint, ...], couplings: tuple[Coupl
     return Mechanism(tuple(names), np.array(rows).reshape(-1, l), A, tuple(tendon))
 
 
+def strengths(part: ModelPart, motors: Mechanism) -> dict[str, float]:
+    """The largest force of each motor [N m or N], where the model states one.
+
+    The least of what `forcerange` says, what `ctrlrange` says of a motor whose control is its force, and what
+    `actuatorfrcrange` of the joint says of one that acts on it; of a range the farther end, of a tendon's the one to
+    which it pulls.
+    """
+    import mujoco
+
+    m, out = part.m, {}
+    for u in range(m.nu):
+        name = m.actuator(u).name or f"actuator_{u}"
+        if name not in motors.actuators:
+            continue
+        ends = _force_ranges(m, u)
+        kind, target, gear = mujoco.mjtTrn(m.actuator_trntype[u]), int(m.actuator_trnid[u, 0]), m.actuator_gear[u, 0]
+        if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT) and m.jnt_actfrclimited[target]:
+            ends.append(m.jnt_actfrcrange[target] / gear)
+        sign = _one_sign(m, u) if motors.tendon[motors.actuators.index(name)] else 0
+        most = [float(max(sign * np.array(r)) if sign else np.abs(r).max()) for r in ends]
+        if most and 0 < min(most) < np.inf:
+            out[name] = min(most)
+    return out
+
+
+def _force_ranges(m: Any, u: int) -> list[Array]:
+    """The (2,) ranges of an actuator's force that it states itself, the ends in any order."""
+    ranges = [m.actuator_forcerange[u]] if m.actuator_forcelimited[u] else []
+    plain = not m.actuator_biasprm[u].any()  # the control is a force, not a position to hold
+    if m.actuator_ctrllimited[u] and plain:
+        ranges.append(m.actuator_ctrlrange[u] * m.actuator_gainprm[u, 0])
+    return ranges
+
+
 def _transmission(m: Any, u: int, name: str) -> tuple[Array, bool]:
     """(njnt,) motion of an actuator per motion of each joint of the model, and whether it is a tendon."""
     import mujoco
@@ -260,11 +294,7 @@ def _acts_outside(part: ModelPart, u: int) -> bool:
 
 def _one_sign(m: Any, u: int) -> int:
     """+1 or -1 if the actuator's force can have that sign only, else 0."""
-    ranges = [m.actuator_forcerange[u]] if m.actuator_forcelimited[u] else []
-    plain = not m.actuator_biasprm[u].any()  # the control is a force, not a position to hold
-    if m.actuator_ctrllimited[u] and plain:
-        ranges.append(m.actuator_ctrlrange[u] * np.sign(m.actuator_gainprm[u, 0]))
-    for r in ranges:
+    for r in _force_ranges(m, u):
         low, high = min(r), max(r)
         if low >= 0 < high:
             return 1

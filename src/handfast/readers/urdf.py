@@ -82,7 +82,9 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     mechanism = direct_mechanism([joint.name for joint in joints], couplings)
     closing = guess_closing(tuple(joints), couplings)
     name = root.get("name", path.stem)
-    return Hand(name, links, tuple(joints), mechanism, couplings, closing, source=str(path))
+    efforts = {e.get("name", ""): _effort(e) for e in joints_xml}
+    stated = {n: efforts[n] for n in mechanism.actuators if efforts[n]}
+    return Hand(name, links, tuple(joints), mechanism, couplings, closing, source=str(path), strengths=stated)
 
 
 def named_links(parent: Element) -> dict[str, Element]:
@@ -149,6 +151,16 @@ def _joint(e: Element) -> Joint:
     moves: Literal["revolute", "prismatic"] = "prismatic" if kind == "prismatic" else "revolute"
     law = JointLaw(rubs, stops=(lower, upper)) if lower <= upper else NO_LAW  # else the joint says what is wrong
     return Joint(name, moves, np.array(direction), np.zeros(3), lower, upper, law=law)
+
+
+def _effort(e: Element) -> float:
+    """The largest force of a joint's motor [N m or N]; 0 where nothing that can be one is stated."""
+    limit = e.find("limit")
+    try:
+        effort = float("0" if limit is None else limit.get("effort", "0"))
+    except ValueError:
+        return 0.0
+    return effort if 0 < effort < np.inf else 0.0
 
 
 def _mimic(e: Element, order: dict[str, int]) -> Coupling | None:

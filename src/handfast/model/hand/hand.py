@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -142,6 +142,8 @@ class Hand(Presented):
         loops: pins that close loops of the linkage. Some joints follow from the others then (`dependent`), and
             how they do changes with the configuration: `mechanism_at` says it.
         tendons: those with friction, a spring or stops of their own.
+        strengths: actuator -> largest force of its motor [N m or N] as the hand's file states it, without those of
+            which it states none. They limit nothing by themselves: questions take them as `torque_limits`.
     """
 
     name: str
@@ -155,6 +157,7 @@ class Hand(Presented):
     non_colliding: frozenset[tuple[str, str]] = frozenset()
     loops: tuple[Loop, ...] = ()
     tendons: tuple[PassiveTendon, ...] = ()
+    strengths: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for kind, names in (("link", self.link_names), ("joint", self.joint_names)):
