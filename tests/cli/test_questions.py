@@ -200,8 +200,11 @@ def test_sweep(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
         assert line[5] == ""
 
 
-def test_torque_limits_as_the_file_of_the_hand_states_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_torque_limits_as_the_file_of_the_hand_states_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The same as by name; one by name comes first; what knows no hand, or a hand without, is refused."""
+    monkeypatch.chdir(tmp_path)
     asked = ("max", "barrett-can", "--direction", "0", "0", "-1", *QUICK, "--save", "max.json", "--force")
     motors = ("finger_1_spread", "finger_1_prox", "finger_2_prox", "finger_3_prox")
 
