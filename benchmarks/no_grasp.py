@@ -7,7 +7,8 @@
 - *edges*: tasks made impossible by less and less: bundled tasks of three and four contacts with little friction or
   weak contacts, with a torque or with the centre of mass moved away under contacts of a limited force, those of two
   with the centre of mass near the line, three contacts on a wedge. Bisection between what is shown to be impossible
-  with `--boxes` boxes, and a placement at which forces balance all loads.
+  with `--boxes` boxes, and a placement at which forces balance all loads. With `--each SECONDS` the bisection goes on
+  from what is stored: `--questions` more at each edge, each of so much processor time.
 - *held*: tasks cut around contacts that hold: flat and curved regions of 2 mm about contacts of bundled grasps and of
   random ones, loads that forces in the friction cones balance, some on the edge of a cone, half of them with a limit
   of normal forces that one of them reaches. None may be refuted, and no box about the contacts.
@@ -17,7 +18,8 @@
 - *motors*: the least force of the gripper's motor that can hold a block between flat jaws, and the least torque of two
   fingers, by bisection: shown to be too small within `--boxes` boxes, against the edge worked out by hand.
 - *joined*: tasks of three and four contacts made impossible by limits on commands, or by a block in the way: what
-  `grasp` answers within `--seconds`, and which reason shows it.
+  `grasp` answers within `--seconds`, and which reason shows it; `--at` asks of one limit and one block alone.
+- *obstacle*: how far before a block's side a wall is shown to leave no room for a fingertip, edges as above.
 - *least_friction*: of two contacts anywhere on an object whose centre of mass is off its middle, and the processor
   time; *surface_held*: contacts on random solids that hold by construction, for which so many may never be refuted.
 
@@ -51,7 +53,7 @@ from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
 from handfast.planning.filters.balance import held_by_contacts
 from handfast.planning.grasp_for import grasp_for, motors_of
-from handfast.planning.joined_search import JoinedSearch
+from handfast.planning.joined_search import ContactSetSearch, JoinedSearch
 from handfast.planning.no_balance import NO_MOTION, NoBalance
 from handfast.planning.question import Allowed, PlanLimits
 from handfast.planning.virtual_motions import VirtualMotions
@@ -65,6 +67,8 @@ from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair
 
 RESULTS = Path(__file__).parent / "results" / "no_grasp.json"
+
+
 TWO = ("guitar-tuning", "scalpel-upholding", "teapot-lid-lifting")
 MORE = (
     "scalpel-handling",
@@ -76,14 +80,26 @@ MORE = (
 )
 HALVINGS = 8
 PART = 400  # tasks about contacts that hold with random numbers of their own
-MOTORS_PART = 100  # the same within limits of torques
+MOTORS_PART = 50  # the same within limits of torques
+PROPOSED_IN = np.array([0, 1])  # of four boxes about a configuration, those for which motions are sought
 HALF = 1e-3  # [m] half the side of a region about a contact
 SHARES = (0.0, 0.3, 0.9, 1.0)  # of the friction that a force uses
 
 
-def searched(task: Task, loads: Loads, friction: float, boxes: int, center: Array | None = None) -> NoBalance:
-    search = NoBalance(task, loads, friction, center=np.zeros(3) if center is None else center)
-    search.run(boxes)
+def stored() -> dict[str, Any]:
+    """What was written."""
+    return json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+
+
+def ran(search: NoBalance | ContactSetSearch, options: argparse.Namespace) -> Any:
+    """A search after `--boxes`, or after `--each` seconds of processor time."""
+    begin = time.process_time()
+
+    def goes_on() -> bool:
+        return time.process_time() - begin < options.each if options.each else search.boxes < options.boxes
+
+    while not search.over and goes_on():
+        search.step() if isinstance(search, ContactSetSearch) else search.run(1)
     return search
 
 
@@ -93,7 +109,7 @@ def two(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         task = load_task(name)
         body = load_body(str(task.object))
         loads, begin = Loads.gravity(body), time.process_time()
-        search = searched(task, loads, body.friction, options.boxes, np.asarray(body.center_of_mass))
+        search = ran(NoBalance(task, loads, body.friction, center=np.asarray(body.center_of_mass)), options)
         took, proof = time.process_time() - begin, search.searched.proof
         begin, regions = time.process_time(), read_task(task_to_dict(task)).on_object
         wrenches = {key: np.array(w) for key, w in loads.by_name.items()}
@@ -158,13 +174,13 @@ def joined(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     for name in ("scalpel-incision", "teapot-service", "guitar-playing", "guitar-holding"):
         task = load_task(name)
         body = load_body(str(task.object))
-        for limit in COMMANDS:
+        for limit in options.at[:1] if options.at else COMMANDS:
             how = {"limits": PlanLimits(command_limit=limit)}
             yield asked(f"{name}: commands up to {limit:g}", task, body, options.seconds, **how)
         pair = task.contact_pairs[0]
         regions = read_task(task_to_dict(task)).on_object
         middle = Placements.of(regions[:1], np.zeros((1, 6)), 0.5).at(np.full((1, 2), 0.5))[0][0, 0]
-        for half in BLOCKS:
+        for half in options.at[1:] if options.at else BLOCKS:
             pose = np.eye(4)
             pose[:3, 3] = middle
             block = Shape("box", [2 * half] * 3, pose)
@@ -182,27 +198,118 @@ def asked(name: str, task: Task, body: Body, seconds: float, **how: Any) -> dict
     return {"task": name, "verdict": str(found.verdict), "by": by, "seconds": found.seconds}
 
 
-def edges(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Tasks by what makes them impossible."""
+Make = Callable[[float], Any]  # a search after its time, by the number that is varied
+
+
+def of_edges(options: argparse.Namespace) -> Iterator[tuple[str, Make, tuple[float, float]]]:
+    """Tasks by what makes them impossible: name, the search, and the numbers at which it is most and least."""
     for name in MORE if options.only in (None, "friction") else ():
-        yield edge(f"{name}: friction", by_friction(name, options), (0.0, 1.5))
+        yield f"{name}: friction", by_friction(name, options), (0.0, 1.5)
     for name in MORE if options.only in (None, "limit") else ():
-        yield edge(f"{name}: force limit over the weight, log2", by_limit(name, options), (-4.0, 8.0))
+        yield f"{name}: force limit over the weight, log2", by_limit(name, options), (-4.0, 8.0)
     for name in MORE if options.only in (None, "loads") else ():
-        yield edge(f"{name}: torque, shares of the weight at 0.1 m", by_torque(name, options), (8.0, 0.0))
+        yield f"{name}: torque, shares of the weight at 0.1 m", by_torque(name, options), (8.0, 0.0)
     for name in MORE if options.only in (None, "moved") else ():
-        yield edge(f"{name}: centre of mass moved away [m]", by_moved(name, options), (0.6, 0.0))
+        yield f"{name}: centre of mass moved away [m]", by_moved(name, options), (0.6, 0.0)
     for name in TWO if options.only in (None, "center") else ():
-        yield edge(f"{name}: way of the centre of mass to the line", by_center(name, options), (0.0, 1.0))
+        yield f"{name}: way of the centre of mass to the line", by_center(name, options), (0.0, 1.0)
     for friction in (0.1, 0.2, 0.5, 1.0, 2.0) if options.only in (None, "wedge") else ():
-        yield edge(f"three contacts on a wedge [deg], friction {friction:g}", by_angle(friction, options), (85.0, 0.0))
+        yield f"three contacts on a wedge [deg], friction {friction:g}", by_angle(friction, options), (85.0, 0.0)
+
+
+def edges(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Each edge by bisection, or its stored bracket by some questions more."""
+    if not options.each:
+        for name, make, ends in of_edges(options):
+            yield edge(name, make, ends)
+        return
+    rows = {row["task"]: row for row in stored().get("edges", [])}
+    for _ in range(options.questions):  # one at each edge after the other
+        for name, make, ends in of_edges(options):
+            row = narrowed(rows.get(name, {"task": name}), make, ends, options.each)
+            rows[name] = row or rows[name]
+            if row:
+                yield row
+
+
+CLOSE = 0.01  # a bracket that is no wider, relative, is not worked on
+
+
+def narrowed(row: dict[str, Any], make: Make, ends: tuple[float, float], each: float) -> dict[str, Any] | None:
+    """One question more between what is shown, and what is possible or was not shown in `each` seconds; None if both
+    are the same but for `CLOSE`.
+    """
+    shown = row.get("shown")
+    shown = ends[0] if shown is None and row.get("shown_at_first") else shown
+    balanced, left = row.get("balanced"), [x for x, seconds in row.get("undecided", []) if seconds >= each]
+    others = [ends[1] if balanced is None else balanced, *left]
+    if shown is None:
+        if left:
+            return None  # not even at the first end
+        x = ends[0]
+    else:
+        near = min(others, key=lambda x: abs(x - shown))
+        if abs(near - shown) <= CLOSE * max(abs(near), abs(shown)):
+            return None
+        x = (shown + near) / 2
+    begin, search = time.process_time(), make(x)
+    took, undecided = time.process_time() - begin, row.get("undecided", [])
+    if search.shown:
+        row = row | {"shown": x, "boxes": search.boxes, "seconds": took}
+    elif getattr(search, "balanced", None) is not None:
+        row = row | {"balanced": x}
+    else:
+        undecided = [*undecided, (x, max(took, each))]
+    return row | {"ends": ends, "balanced": row.get("balanced"), "shown": row.get("shown"), "undecided": undecided}
+
+
+def obstacle(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """A wall so far before the side of a block that a fingertip is to touch; one contact of two."""
+    rows = {row["task"]: row for row in stored().get("obstacle", [])}
+    name, ends = "wall before a fingertip of 18 mm [mm]", (3.0, 17.0)
+    for _ in range(options.questions):
+        row = narrowed(
+            rows.get(name, {"task": name, "balanced": ends[1]}), by_wall(options), ends, options.each or 60.0
+        )
+        if not row:
+            return
+        rows[name] = row
+        yield row
+
+
+def by_wall(options: argparse.Namespace) -> Make:
+    """Between round fingertips of the gripper a block of 5 cm, and a wall of 8 by 8 cm before its left side."""
+    pairs = []
+    for side, link in ((1.0, "left_finger"), (-1.0, "right_finger")):
+        tip = Cap((0, 0.005 * side, 0.045), 0.005, (0, -side, 0), 1.0)
+        pairs.append(ContactPair(link, tip, region(np.array([0, side * 0.025, 0]), np.array([0, -side, 0.0]), 0.01)))
+    task = Task.of(load_hand("parallel-gripper"), tuple(pairs))
+
+    def at(gap: float) -> ContactSetSearch:
+        shapes = []
+        for size, y in (((0.03, 0.05, 0.03), 0.0), ((0.08, 0.02, 0.08), 0.025 + 1e-3 * gap + 0.01)):
+            pose = np.eye(4)
+            pose[1, 3] = y
+            shapes.append(Shape("box", size, pose))
+        body = Body.of(shapes, mass=0.1)
+        balance = NoBalance(task, Loads.wrench([0, 0, -0.5, 0, 0, 0]), 0.8, center=np.zeros(3))
+        return ran(sets_of(task, body, balance, PlanLimits())[0], options)
+
+    return at
+
+
+def sets_of(task: Task, body: Body, balance: NoBalance, limits: PlanLimits) -> list[ContactSetSearch]:
+    """The joined search, by sets of contacts."""
+    scene = Scene(task.hand, body)
+    collisions = Collisions(scene, cutoff=1e-3, at_rest=rest_overlaps(scene, at_zero=True))
+    return JoinedSearch(task, collisions, Allowed(), balance, motors_of(task, limits)).sets
 
 
 def by_friction(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
     """Of a bundled task under the object's weight from six sides."""
     task = load_task(name)
     loads = Loads.gravity(load_body(str(task.object)))
-    return lambda friction: searched(task, loads, friction, options.boxes)
+    return lambda friction: ran(NoBalance(task, loads, friction, center=np.zeros(3)), options)
 
 
 def by_limit(name: str, options: argparse.Namespace) -> Callable[[float], NoBalance]:
@@ -213,8 +320,7 @@ def by_limit(name: str, options: argparse.Namespace) -> Callable[[float], NoBala
 
     def at(power: float) -> NoBalance:
         search = NoBalance(task, loads, 0.5, center=np.zeros(3), force_limits=2.0**power * weight)
-        search.run(options.boxes)
-        return search
+        return ran(search, options)
 
     return at
 
@@ -233,8 +339,7 @@ def by_torque(name: str, options: argparse.Namespace) -> Callable[[float], NoBal
         turn = np.array([0, 0, 0, 0.1 * share * size, 0, 0])
         loads = Loads(("one way", "the other"), np.array([weight + turn, weight - turn]))
         search = NoBalance(task, loads, 0.5, center=np.zeros(3), force_limits=STRONG * size)
-        search.run(options.boxes)
-        return search
+        return ran(search, options)
 
     return at
 
@@ -249,8 +354,7 @@ def by_moved(name: str, options: argparse.Namespace) -> Callable[[float], NoBala
         loads = Loads.gravity(there)
         limit = STRONG * float(np.linalg.norm(loads.wrenches[0, :3]))
         search = NoBalance(task, loads, 0.5, center=np.zeros(3), force_limits=limit)
-        search.run(options.boxes)
-        return search
+        return ran(search, options)
 
     return at
 
@@ -259,12 +363,16 @@ def by_center(name: str, options: argparse.Namespace) -> Callable[[float], NoBal
     """Of a bundled task of two contacts: the share of the way to the middle of the regions."""
     task = load_task(name)
     body = load_body(str(task.object))
-    middle = searched(task, Loads.gravity(body), 3.0, 0).placements.at(np.full((1, 4), 0.5))[0][0].mean(axis=0)
+    middle = (
+        NoBalance(task, Loads.gravity(body), 3.0, center=np.zeros(3))
+        .placements.at(np.full((1, 4), 0.5))[0][0]
+        .mean(axis=0)
+    )
     own = np.asarray(body.center_of_mass)
 
     def at(share: float) -> NoBalance:
         there = replace(body, center_of_mass=own + share * (middle - own))
-        return searched(task, Loads.gravity(there), 3.0, options.boxes)
+        return ran(NoBalance(task, Loads.gravity(there), 3.0, center=np.zeros(3)), options)
 
     return at
 
@@ -278,7 +386,7 @@ def by_angle(friction: float, options: argparse.Namespace) -> Callable[[float], 
             n = np.array([side * np.cos(a), np.sin(a), 0.0])
             pairs.append(ContactPair("index_distal", TIP, region(np.array([0.02 * side, 0.0, z]), -n, HALF)))
         task = Task.of(load_hand("schunk-sah"), tuple(pairs))
-        return searched(task, Loads.wrench([0, 0, 0, 0, 0, 0.01]), friction, options.boxes)
+        return ran(NoBalance(task, Loads.wrench([0, 0, 0, 0, 0, 0.01]), friction, center=np.zeros(3)), options)
 
     return at
 
@@ -407,7 +515,7 @@ def held_by_motors_part(places: Sequence[Any], first: int, tasks: int) -> dict[s
                     placements, Motions(np.zeros((0, 1)), np.zeros((0, 2)), np.zeros((0, 6))), contacts, motors
                 )
             with np.errstate(all="ignore"):
-                motions, _ = VirtualMotions(contacts, motors, placements).propose(boxes, np.zeros(1))
+                motions, _ = VirtualMotions(contacts, motors, placements).propose(boxes.some(PROPOSED_IN), np.zeros(1))
             claims += [motions]
             out["proposed_weaker"] += len(motions) if share < 1 else 0
         for motions in claims:
@@ -470,20 +578,13 @@ def motors(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         def searched_to(limit: float, task: Task = task, loads: Loads = loads) -> Any:
             limits = PlanLimits(torque_limits=dict.fromkeys(task.hand.mechanism.actuators, limit))
             balance = NoBalance(task, loads, 0.5, center=np.zeros(3))
-            scene = Scene(task.hand, BLOCK)
-            collisions = Collisions(scene, cutoff=1e-3, at_rest=rest_overlaps(scene, at_zero=True))
-            part = JoinedSearch(task, collisions, Allowed(), balance, motors_of(task, limits)).sets[-1]
-            while not part.over and part.boxes < options.boxes:
-                part.step()
-            return part
+            return ran(sets_of(task, BLOCK, balance, limits)[-1], options)
 
-        shown, open_, boxes, begin = 0.5 * by_hand, 1.1 * by_hand, 0, time.process_time()
-        for _ in range(HALVINGS):
-            limit = (shown + open_) / 2
-            part = searched_to(limit)
-            shown, open_, boxes = (limit, open_, part.boxes) if part.shown else (shown, limit, boxes)
-        took = time.process_time() - begin
-        yield {"task": name, "shown": shown, "by_hand": by_hand, "boxes": boxes, "of": options.boxes, "seconds": took}
+        ends, row = (0.5 * by_hand, by_hand), {"task": name, "by_hand": by_hand, "balanced": by_hand}
+        row = next((r for r in stored().get("motors", []) if options.each and r["task"] == name), row)
+        for _ in range(options.questions if options.each else HALVINGS):
+            row = narrowed(row | {"balanced": by_hand}, searched_to, ends, options.each or 0.0) or row
+        yield row
 
 
 # --- anywhere on the surface --------------------------------------------------------------------------
@@ -564,11 +665,12 @@ def show(results: dict[str, Any]) -> None:
         print("\n| task | shown at | forces balance at | boxes |\n|---|---|---|---|")
         for r in results["edges"]:
             if r["shown"] is None:
-                first = "shown" if r["shown_at_first"] else "not shown"
-                last = "met" if r["balanced_at_last"] else "not met"
+                first = "shown" if r.get("shown_at_first") else "not shown"
+                last = "met" if r.get("balanced_at_last") else "not met"
                 print(f"| {r['task']} | {first} at the first end | {last} at the last | |")
             else:
-                print(f"| {r['task']} | {r['shown']:.4g} | {r['balanced']:.4g} | {r['boxes']} |")
+                known = "not met" if r["balanced"] is None else f"{r['balanced']:.4g}"
+                print(f"| {r['task']} | {r['shown']:.4g} | {known} | {r['boxes']} |")
     if "joined" in results:
         print("\n| task | verdict | shown by | seconds |\n|---|---|---|---|")
         for r in results["joined"]:
@@ -586,7 +688,7 @@ def show(results: dict[str, Any]) -> None:
             print(f"\n{name}: " + ", ".join(f"{key} {value}" for key, value in results[name].items()))
 
 
-ROWS = {"two": two, "edges": edges, "joined": joined, "motors": motors, "least_friction": surface}
+ROWS = {"two": two, "edges": edges, "joined": joined, "motors": motors, "obstacle": obstacle, "least_friction": surface}
 COUNTS = {"held": held, "held_by_motors": held_by_motors, "surface_held": surface_held}
 
 
@@ -598,11 +700,14 @@ def main() -> None:
         "--only", choices=("friction", "limit", "loads", "moved", "center", "wedge"), help="of the edges"
     )
     parser.add_argument("--seconds", type=float, default=60.0, help="of each of the joined")
+    parser.add_argument("--each", type=float, help="seconds of processor time for each question about an edge")
+    parser.add_argument("--questions", type=int, default=2, help="at each edge, with --each")
+    parser.add_argument("--at", type=float, nargs=2, help="of the joined: a limit [N m], half the edge of a block [m]")
     parser.add_argument("--tasks", type=int, default=2000)
     parser.add_argument("--held-boxes", type=int, default=64)
     parser.add_argument("--print", action="store_true", dest="only_print")
     options = parser.parse_args()
-    results = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    results = stored()
     for name in () if options.only_print else (*ROWS, *COUNTS):
         if options.part not in (None, name):
             continue
