@@ -14,7 +14,7 @@ from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.regions import RegionData, read_region
 from handfast.proofs.replay import Replay
-from handfast.proofs.unbalanced import Motions, Placements, _positive, down, replay_unbalanced
+from handfast.proofs.unbalanced import BoxBounds, Motions, Placements, _positive, down, replay_unbalanced
 from handfast.readers.region_file import region_to_dict
 from tests.support.holds import square
 from tests.support.slow_cases import slow_after
@@ -309,6 +309,55 @@ def test_what_is_refuted_is_so_at_every_placement(seed: int) -> None:
     if contacts == 2:
         assert shown.any()
         assert not shown.all()
+
+
+def test_what_is_missing_is_known_by_hand() -> None:
+    """Upwards both contacts slide on the jaws: friction may take 2 mu f of a weight of 1 N, which does 1 N on it.
+
+    Turned by a small angle towards the first jaw, a contact that is not limited is pushed by the sine of it.
+    """
+    box = np.full((1, 4, 2), 0.5)
+    down = Motions(np.ones((1, 1)), np.array([[-1, -1]]), np.array([[0, 0, -2.0, 0, 0, 0]]))
+    for limit, due in ((1.2, 0.2), (1.05, 0.05), (0.95, 0.0)):
+        found = Placements.of(jaws(), weight([0, 0, 0])[None], 0.5, limit).examined(box, down)
+        assert found.missing[0] == pytest.approx(due, abs=1e-6)
+        assert (found.refuted[0], found.near[0]) == (not due, float(not due))
+    mu, angle = 0.5, 0.1
+    aside = Motions(down.weights, down.line, np.array([[0, np.sin(angle), -np.cos(angle), 0, 0, 0]]))
+    found = Placements.of(jaws(), weight([0, 0, 0])[None], mu).examined(box, aside)
+    assert found.missing[0] == pytest.approx(np.sin(np.arctan(mu)) + np.sin(angle), abs=1e-6)  # of the first jaw
+    assert not found.near[0]
+
+
+@pytest.mark.parametrize("limit", [np.inf, 0.02])
+def test_a_box_is_refuted_once_it_has_shrunk_to_what_is_near(limit: float) -> None:
+    """To first order: always at 0.8 of that, and half of them not at 1.6 of it."""
+    rng, (regions, load) = np.random.default_rng(3), skew(1, 2)
+    placements = Placements.of(data(*regions), load[None], 0.3, limit)
+    n = 1200
+    middle, half = 0.5 + 0.1 * rng.normal(size=(n, 4)), 0.4 * rng.random((n, 1))
+    line = np.array([[0, 1] if k % 2 else [-1, -1] for k in range(n)])
+    twist = np.where(line[:, :1] < 0, rng.normal(size=(n, 6)) * [0.05, 0.05, 0.05, 1, 1, 1], 0.0)
+    twist *= np.sign(twist @ load)[:, None]
+    motions = Motions(np.ones((n, 1)), line, twist)
+
+    def examined(share: Any) -> BoxBounds:
+        return placements.examined(np.stack([middle - share * half, middle + share * half], axis=2), motions)
+
+    found = examined(1.0)
+    assert (found.refuted == (found.near == 1)).all()
+    assert (found.refuted == (found.missing == 0)).all()
+    its = (found.near > 0) & ~found.refuted
+    assert its.sum() > 10
+    near = found.near[:, None]
+    assert examined(0.8 * near).refuted[its].all()
+    assert not examined(1e-6).refuted[found.near == 0].any()
+    low, high = near, np.ones_like(near)
+    for _ in range(12):
+        share = (low + high) / 2
+        shown = examined(share).refuted[:, None]
+        low, high = np.where(shown, share, low), np.where(shown, high, share)
+    assert 1 <= np.median((low / near)[its]) < 1.6
 
 
 @pytest.mark.parametrize("seed", range(4))

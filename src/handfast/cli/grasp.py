@@ -29,6 +29,7 @@ from handfast.proofs.unbalanced import down, up
 
 if TYPE_CHECKING:
     from handfast.planning.joined_search import JoinedSearched
+    from handfast.planning.missing import Missing
     from handfast.planning.no_balance import BalanceSearched
     from handfast.planning.results.grasps import Grasps
     from handfast.synthesis.task import Task
@@ -244,20 +245,27 @@ def balance_text(searched: BalanceSearched) -> str:
     where = ", ".join(
         f"contact {k} at s {s}, t {t}" for k, (s, t) in enumerate(zip(ends[::2], ends[1::2], strict=True))
     )
-    left = f"{searched.pending} boxes"
-    return f"{share}; neither that nor a placement where they do was shown in {left}, of which the largest is {where}"
+    left = f"{searched.pending} boxes, of which the largest is {where}{missing_text(searched.missing)}"
+    return f"{share}; neither that nor a placement where they do was shown in {left}"
 
 
 def joined_text(searched: JoinedSearched, task: Task) -> str:
     """How far the proof has come that every configuration is discarded, and what stands in its way."""
     links = ", ".join(task.contact_pairs[k].link for k in searched.contacts)
     done = f"{100 * searched.discarded:.3g} % of the configurations of {links} are discarded: {searched.words}"
-    if searched.stuck:
-        return f"{done}; no reason discards one of those that are left"
     if searched.open is None:
         return done
     where = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in searched.open.items())
+    where += missing_text(*searched.missing)
+    if searched.stuck:
+        return f"{done}; no reason discards one of those that are left: {where}"
     return f"{done}; {searched.pending} boxes are left, of which the largest is {where}"
+
+
+def missing_text(*missing: Missing | None) -> str:
+    """What would have discarded a box, the nearest first; empty if nothing is known."""
+    known = [m.words for m in missing if m is not None]
+    return f". What is missing to discard that: {', or '.join(known)}" if known else ""
 
 
 def loads_text(answer: Grasps) -> str:

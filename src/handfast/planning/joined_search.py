@@ -24,6 +24,7 @@ from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
 from handfast.geometry.collision import Collisions
 from handfast.model.shape import Shape
+from handfast.planning.missing import Missing, of_balance, of_collision, of_contacts, units
 from handfast.planning.no_balance import NoBalance
 from handfast.planning.question import Allowed
 from handfast.planning.virtual_motions import VirtualMotions
@@ -57,7 +58,6 @@ SHARES = (0.95, 0.5)  # of the way from its middle to its surface
 LEAST = 0.05  # sets have turns by how much of them is left, but no more than of one with this share
 NO_CLAIM = -1
 OTHERS = 0.3  # of what other links move counts beside the first contact's: they need joints to be known, it does not
-SIZE = 0.02  # [m] by which angles are compared with lengths
 
 # --- the solids of a question -----------------------------------------------------------------------
 
@@ -300,7 +300,7 @@ class ContactSetSearch:
         self.open = [OpenBox(k, self.contacts.root, k, 1 / CHARTS) for k in range(CHARTS)]
         self.tried: dict[int, tuple[int, ...]] = {}  # of open boxes: the claim that each proposer made last
         self.boxes = 0
-        self.stuck: Array | None = None
+        self.stuck: OpenBox | None = None
 
     @property
     def shown(self) -> bool:
@@ -332,6 +332,29 @@ class ContactSetSearch:
         counts = Discarded(self.entries.count(CONTACTS), forces[0], forces[1], pairs)
         return counts.words(self.contacts.task, self.collision.solids)
 
+    @property
+    def left(self) -> OpenBox | None:
+        """The box at which the set is given up, or the largest that is open; None if none is."""
+        return self.stuck or max(self.open, key=lambda at: at.share, default=None)
+
+    @property
+    def missing(self) -> tuple[Missing, ...]:
+        """What is missing there for each reason, the nearest first; of claims those that were tried last."""
+        if (at := self.left) is None:
+            return ()
+        with np.errstate(all="ignore"):
+            boxes, out = Boxes.of(self.contacts, at.box[None], np.array([at.chart])), list[Missing | None]()
+            out.append(of_contacts(self.contacts, boxes))
+            for proposer, claim in zip(self.proposers, self.tried.get(at.index, ()), strict=False):
+                if claim == NO_CLAIM:
+                    continue
+                if isinstance(proposer, BalanceProposer):
+                    out.append(of_balance(proposer.reason, boxes, claim))
+                else:
+                    links = [link.name for link in self.task.hand.links]
+                    out.append(of_collision(self.collision.reason, boxes, claim, links))
+        return tuple(sorted((m for m in out if m is not None), key=lambda m: -m.near))
+
     def step(self) -> None:
         """Discard or halve the boxes that came last."""
         with deferred_interrupt(), np.errstate(all="ignore"):
@@ -346,8 +369,9 @@ class ContactSetSearch:
             reach[nothing] = self.collision.moves(boxes.some(nothing))
             reach = np.fmax(reach, self._by_conditions(boxes, changes))
             small = np.flatnonzero(alive & (claimed < 0) & (reach.max(axis=1) < FINEST))
-            if len(small):
-                self.stuck = kept[small[0]]
+            for n in small[:1].tolist():
+                self.stuck = replace(taken[n], box=kept[n])
+                self.tried[taken[n].index] = tuple(tried[n].tolist())
             sides = reach.argmax(axis=1).tolist()
             for n, (at, k) in enumerate(zip(taken, sides, strict=True)):
                 by = int(claimed[n])
@@ -382,8 +406,7 @@ class ContactSetSearch:
         """(N, n) [m] how much each side changes the conditions that may be missed."""
         rows, c = boxes.over.rows.value, self.contacts
         met = (rows.lo >= c.low) & (rows.hi <= c.high)
-        unit = np.where(np.arange(len(c.low)) < 3 * (len(self.chosen) - 1), 1.0, SIZE)
-        moved = np.where(met[:, None], 0.0, changes * unit).max(axis=2, initial=0.0)
+        moved = np.where(met[:, None], 0.0, changes * units(c)).max(axis=2, initial=0.0)
         return np.where(np.isfinite(moved), moved, np.ptp(boxes.box, axis=2))
 
     # --- files ---
@@ -440,7 +463,8 @@ class JoinedSearched:
         contacts: the set, by number. boxes: that were examined, of all sets. pending: those of the set that are left.
         discarded: share of the volume of the set's boxes.
         words: how many boxes each reason has discarded.
-        open: the largest box that is left, ends by coordinate; None if none is.
+        open: the largest box that is left, or that at which the set is given up, ends by coordinate; None if none is.
+        missing: what is missing there for each reason, the nearest first.
         stuck: is the set given up, as no reason discards some configuration of it?
         proof: for files, once all is shown; else None. solids: what it is about, `question.solids`.
     """
@@ -452,6 +476,7 @@ class JoinedSearched:
     discarded: float
     words: str
     open: Mapping[str, tuple[float, float]] | None
+    missing: tuple[Missing, ...]
     stuck: bool
     proof: Mapping[str, Any] | None = field(default=None, repr=False)
     solids: Mapping[str, Any] | None = field(default=None, repr=False)
@@ -460,7 +485,8 @@ class JoinedSearched:
         """Without the proof."""
         said = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("proof", "solids")}
         left = None if self.open is None else {name: list(ends) for name, ends in self.open.items()}
-        return said | {"contacts": list(self.contacts), "open": left}
+        missing = [m.to_json() for m in self.missing]
+        return said | {"contacts": list(self.contacts), "open": left, "missing": missing}
 
 
 class JoinedSearch:
@@ -521,12 +547,12 @@ class JoinedSearch:
         if not any(part.boxes for part in self.sets):
             return None
         best = max(self.sets, key=lambda part: (part.shown, not part.over, part.discarded))
-        left = max(best.open, key=lambda at: at.share, default=None)
+        left = best.left
         labels = sorted(best.contacts.sides.column, key=best.contacts.sides.column.__getitem__)
         where = None if left is None else dict(zip(labels, zip(*left.box.T.tolist(), strict=True), strict=True))
         proof, solids = (best.to_json(), self.said) if best.shown else (None, None)
         boxes = sum(part.boxes for part in self.sets)
-        said = best.shown, best.chosen, boxes, len(best.open), best.discarded, best.words, where
+        said = best.shown, best.chosen, boxes, len(best.open), best.discarded, best.words, where, best.missing
         return JoinedSearched(*said, best.stuck is not None, proof, solids)
 
     def run(self, boxes: int, end: float = np.inf) -> None:

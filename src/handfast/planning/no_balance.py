@@ -26,6 +26,7 @@ from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.filters.balance import BALANCED, circumscribed, imbalance, pyramid_wrenches
+from handfast.planning.missing import Missing
 from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.few_contacts import Held
 from handfast.proofs.fields import BadFile, Fields, Integers
@@ -59,6 +60,8 @@ class BalanceSearched:
         discarded: share of the placements at which no forces balance some load.
         balanced: (2 K) parameters of a placement at which forces seem to balance every load; None if none was met.
         open: (2 K, 2) the largest box that is left; None if none is.
+        missing: what is missing there for the twist that was tried last on the box that it is half of; None if there is
+            none.
         line_distance: [m] the line through both contacts is at least so far from the centre of mass, if that alone is
             why no forces balance a weight; else None.
         proof: for files, once all is shown; else None.
@@ -70,6 +73,7 @@ class BalanceSearched:
     discarded: float
     balanced: Array | None
     open: Array | None
+    missing: Missing | None = None
     line_distance: float | None = None
     proof: Mapping[str, Any] | None = field(default=None, repr=False)
 
@@ -77,7 +81,8 @@ class BalanceSearched:
         """Without the proof."""
         balanced, left = (None if a is None else a.tolist() for a in (self.balanced, self.open))
         said = {"shown": self.shown, "boxes": self.boxes, "pending": self.pending, "discarded": self.discarded}
-        return said | {"balanced": balanced, "open": left, "line_distance": self.line_distance}
+        missing = self.missing and self.missing.to_json()
+        return said | {"balanced": balanced, "open": left, "missing": missing, "line_distance": self.line_distance}
 
 
 @dataclass(eq=False, slots=True)
@@ -178,10 +183,17 @@ class NoBalance:
     @property
     def searched(self) -> BalanceSearched:
         """How far it has come."""
-        left = max((node.box for node in self.open), key=self._share, default=None)
+        left = max(self.open, key=lambda node: self._share(node.box), default=None)
         proof, distance = (self.to_json(), self.line_distance) if self.shown else (None, None)
-        share = 1.0 if self.shown else self.discarded
-        return BalanceSearched(self.shown, self.boxes, len(self.open), share, self.balanced, left, distance, proof)
+        said = self.shown, self.boxes, len(self.open), 1.0 if self.shown else self.discarded, self.balanced
+        where = None if left is None else left.box
+        return BalanceSearched(*said, where, self._missing_in(left), distance, proof)
+
+    def _missing_in(self, node: BoxNode | None) -> Missing | None:
+        if node is None or node.tried == NO_MOTION:
+            return None
+        found = self.placements.examined(node.box[None], self.motions[[node.tried]])
+        return Missing.of("balance", (), found)
 
     @cached_property
     def line_distance(self) -> float | None:

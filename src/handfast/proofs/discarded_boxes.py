@@ -30,7 +30,7 @@ from handfast.proofs.motors import Motors
 from handfast.proofs.posed_boxes import CHARTS, OBJECT, ContactBoxes, Posed, mean_value
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.tasks import TaskData
-from handfast.proofs.unbalanced import BoxBounds, HandMotion, Motions, MovedJoint, Placements, halves
+from handfast.proofs.unbalanced import BoxBounds, HandMotion, Motions, MovedJoint, Placements, halves, nearness
 
 BATCH = 64  # boxes that are looked at together
 MANY = 2_000_000  # entries of a tree at most
@@ -76,7 +76,7 @@ class Reason(Protocol):
         """With some of the claims alone."""
 
     def examined(self, boxes: Boxes, claims: Integers) -> BoxBounds:
-        """Whether one claim for each box shows that no grasp is in it; what each side changes in what is not shown."""
+        """Whether one claim for each box shows that no grasp is in it, and how nearly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,18 +100,26 @@ class Collision:
         return replace(self, which=self.which[list(claims)], points=self.points[list(claims)])
 
     def examined(self, boxes: Boxes, claims: Integers) -> BoxBounds:
-        out, reach, away = np.zeros(len(claims), dtype=bool), np.zeros(boxes.box.shape[:2]), boxes.away
+        """`missing` is the depth [m] by which the point would have to be farther inside."""
+        out, away = BoxBounds.unknown(*boxes.box.shape[:2]), boxes.away
         for link, k, body, m in np.unique(self.which[claims], axis=0).tolist():
             its = np.flatnonzero((self.which[claims] == (link, k, body, m)).all(axis=1))
             points, over, middle = self.points[claims[its]], boxes.over.some(its), boxes.middle.some(its)
             own, other = inside(self.solids.of(link)[k], points), self.solids.of(body)[m]
             rows, here = (other.depths(at.seen(link, body, points)) for at in (over, middle))
+            allowed = self.solids.depth_allowed(link, body)
             lower, changes = mean_value(rows, here.value, away[its])
             both = (Interval.of(lower) + own[:, None]).lo
-            deep = (lower >= 0) & (both > self.solids.depth_allowed(link, body))  # NaN is not
-            out[its] = (own >= 0) & deep.all(axis=1) & bool(deep.shape[1])
-            reach[its] = np.where(deep[..., None], 0.0, changes).max(axis=1, initial=0.0)
-        return BoxBounds(out, reach)
+            deep = (lower >= 0) & (both > allowed)  # NaN is not
+            refuted = (own >= 0) & deep.all(axis=1) & bool(deep.shape[1])
+            reach = np.where(deep[..., None], 0.0, changes).max(axis=1, initial=0.0)
+            due = np.maximum(allowed - own, 0.0)[:, None]  # how deep the point itself has to be
+            short = np.where(deep, 0.0, np.maximum(due - lower, 0.0)).max(axis=1, initial=0.0)
+            near = np.where(deep, 1.0, nearness(lower - due, here.value.lo - due)).min(axis=1, initial=1.0)
+            known = (own >= 0) & bool(deep.shape[1])
+            short, near = np.where(known, short, np.nan), np.where(known, near, 0.0)
+            out.put(its, BoxBounds(refuted, reach, short, near))
+        return out
 
     def to_json(self, links: Sequence[str]) -> list[dict[str, Any]]:
         """Each claim; no body is the object."""
@@ -163,7 +171,7 @@ class Balance:
         return replace(self, motions=self.motions[list(claims)])
 
     def examined(self, boxes: Boxes, claims: Integers) -> BoxBounds:
-        out, reach = np.zeros(len(claims), dtype=bool), np.zeros(boxes.box.shape[:2])
+        out = BoxBounds.unknown(*boxes.box.shape[:2])
         moved = self.motions.joints[claims] != 0
         for these in np.unique(moved, axis=0):
             its = np.flatnonzero((moved == these).all(axis=1))
@@ -172,12 +180,13 @@ class Balance:
                 over_all = replace(self.placements, side=self.contacts.sides.object)
                 hand = hand_motion(self.contacts, self.motors, boxes.some(its), motions.joints)
                 found = over_all.examined(boxes.box[its], motions, hand)
-                reach[its] = np.nan_to_num(found.reach)
+                reach = np.nan_to_num(found.reach)
             else:
                 found = self.placements.examined(boxes.box[its][:, self.columns], motions)
-                reach[np.ix_(its, self.columns)] = np.nan_to_num(found.reach)
-            out[its] = found.refuted
-        return BoxBounds(out, reach)
+                reach = np.zeros((len(its), boxes.box.shape[1]))
+                reach[:, self.columns] = np.nan_to_num(found.reach)
+            out.put(its, replace(found, reach=reach))
+        return out
 
 
 def hand_motion(contacts: ContactBoxes, motors: Motors, boxes: Boxes, own: Array) -> HandMotion:

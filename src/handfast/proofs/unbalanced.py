@@ -201,15 +201,40 @@ def _some_joint(joint: MovedJoint, its: Integers) -> MovedJoint:
 
 @dataclass(frozen=True, eq=False)
 class BoxBounds:
-    """What is known of N boxes of placements over n parameters, each with a twist.
+    """What is known of N boxes over n parameters, each with a claim: here a twist.
 
     Attributes:
-        refuted: (N,) does the twist show that no forces balance its load anywhere in the box?
+        refuted: (N,) does the claim hold everywhere in the box? Of a twist: no forces balance its load there.
         reach: (N, n) what each parameter changes in what is not shown; NaN where that is not known.
+        missing: (N,) by how much the claim is not shown, 0 where it is, NaN where nothing is known. Of a twist a share:
+            of the work that the load could do on it at most, or of the motion of a contact.
+        near: (N,) 1 where it is shown, 0 where it does not even hold in the middle; between, the share of its sides to
+            which the box has to shrink, to first order.
     """
 
     refuted: Mask
     reach: Array
+    missing: Array
+    near: Array
+
+    @classmethod
+    def unknown(cls, boxes: int, n: int) -> BoxBounds:
+        """To be filled in."""
+        return cls(np.zeros(boxes, dtype=bool), np.full((boxes, n), np.nan), np.full(boxes, np.nan), np.zeros(boxes))
+
+    def put(self, its: Integers, found: BoxBounds) -> None:
+        """What is found of some of the boxes."""
+        self.refuted[its], self.reach[its] = found.refuted, found.reach
+        self.missing[its], self.near[its] = found.missing, found.near
+
+
+def nearness(lower: Array, middle: Array) -> Array:
+    """(N, R) of R functions, which are to be positive over N boxes, as `BoxBounds.near`; lower bounds of them over the
+    boxes and in their middles.
+    """
+    inside = np.maximum(np.nan_to_num(middle, nan=0.0, posinf=0.0), 0.0)
+    short = np.maximum(-np.nan_to_num(lower, nan=-np.inf), 0.0)
+    return np.where(short > 0, inside / (inside + short), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,10 +319,10 @@ class Placements:
 
     def examined(self, boxes: Array, motions: Motions, hand: HandMotion | None = None) -> BoxBounds:
         """What the twists show of boxes (N, 2 K, 2), or with the motions of a hand of boxes in which it stands."""
-        refuted, reach = np.zeros(len(boxes), dtype=bool), np.full(boxes.shape[:2], np.nan)
+        out = BoxBounds.unknown(*boxes.shape[:2])
         for some, bounds in self._bounds(boxes, motions, hand):
-            refuted[some], reach[some] = bounds.shown(np.full(len(some), self.factor))
-        return BoxBounds(refuted, reach)
+            out.put(some, bounds.shown(np.full(len(some), self.factor)))
+        return out
 
     def least_factors(self, boxes: Array, motions: Motions) -> tuple[Array, Array]:
         """(N,) the factor on the loads from which on the twists refute boxes (N, 2 K, 2), inf where none is; the reach.
@@ -309,10 +334,10 @@ class Placements:
             low, high = (np.full(len(some), np.log(x)) for x in FACTORS)
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                shown, _ = bounds.shown(np.exp(middle))
+                shown = bounds.shown(np.exp(middle)).refuted
                 low, high = np.where(shown, low, middle), np.where(shown, middle, high)
-            shown, reach[some] = bounds.shown(np.exp(high))
-            found[some] = np.where(shown, np.exp(high), np.inf)
+            at_high = bounds.shown(np.exp(high))
+            found[some], reach[some] = np.where(at_high.refuted, np.exp(high), np.inf), at_high.reach
         return found, reach
 
     def _bounds(
@@ -356,12 +381,13 @@ class Placements:
         work = dot(v, Dual.constant(force, n)) + dot(omega, Dual.constant(torque, n))
         pushed = dot(-normal, u)
         scales = self._scales(point.value, about, motions.weights)
-        missed = scales.missed((v.value, omega.value), line, hand)
+        largest = scales.work((v.value, omega.value), line)
+        missed = scales.missed(largest, hand)
         rest = [] if self.torsion else rest
         bounded, free = (
             [k for k in np.flatnonzero(these).tolist() if k not in rest] for these in (self.limited, ~self.limited)
         )
-        resisted, cones = None, None
+        resisted, cones, speeds = None, None, np.zeros((len(largest), 0))
         twisted = sqr(dot(normal, spin) * self.lever) if self.torsion else None
         together = Interval.of(motions.weights).sum()  # forces of each load, by its weight, add up to as much
         if bounded:
@@ -379,7 +405,8 @@ class Placements:
             its, size = pushed[..., free], sqr(u[..., free, :]).sum()
             size = size if twisted is None else size + twisted[..., free]
             cones = its - sqrt(size) * self.sine if self.friction else its
-        return _Works(work, resisted, cones, missed)
+            speeds = sqrt(size.value).hi
+        return _Works(work, resisted, cones, missed, largest, speeds)
 
     def _scales(self, p: Interval, about: Array, weights: Array) -> _Scales:
         """Of the loads, by their weights, at contacts p (N, K, 3), which are given from points (N, 3).
@@ -456,16 +483,19 @@ class _Scales:
     contacts: int
     enough: Mask
 
-    def missed(self, twist: tuple[Interval, Interval], line: tuple[int, int], hand: HandMotion | None) -> Array:
-        """(N,) an upper bound of the work of what a state misses of load and joint torques; v in the twist is that of
-        the points from which the contacts are given.
+    def work(self, twist: tuple[Interval, Interval], line: tuple[int, int]) -> Array:
+        """(N,) an upper bound of what loads of their size can do; v in the twist is that of the points from which the
+        contacts are given.
         """
         v, omega = twist
         moves, turns = (sqrt(sqr(a).sum()).hi for a in (v + cross(omega, self.center), omega))
         if self.contacts == 2 and line[0] >= 0:
             moves = np.zeros(len(moves))  # the centroid is on the line
-        missed = np.where(moves > 0, self.force * moves, 0.0) + self.torque * turns
-        missed = np.where(self.enough, EPS * missed * MORE**8, np.inf)
+        return np.where(moves > 0, self.force * moves, 0.0) + self.torque * turns
+
+    def missed(self, work: Array, hand: HandMotion | None) -> Array:
+        """(N,) an upper bound of the work of what a state misses of load and joint torques; work: as of `work`."""
+        missed = np.where(self.enough, EPS * work * MORE**8, np.inf)
         return missed if hand is None else missed + self.of_joints(hand.turned, hand.slid)
 
     def of_joints(self, turned: Array, slid: Array) -> Array:
@@ -501,12 +531,15 @@ class _Works:
             none that move.
         cones: (N, c) n.u - sin |u| of the other contacts that move; None if there are none.
         missed: (N,) how much work at most the load does that a state may miss.
+        largest: (N,) about how much work loads of this size can do at most. speeds: (N, c) |u| of `cones`, at most.
     """
 
     work: Dual
     resisted: Dual | None
     cones: Dual | None
     missed: Array
+    largest: Array
+    speeds: Array
 
     def balance(self, factor: Array) -> Dual:
         """(N, 1) the work of so many times the load, less what is done against it."""
@@ -522,17 +555,24 @@ class _WorkBounds:
     middle: _Works
     away: Interval
 
-    def shown(self, factor: Array) -> tuple[Mask, Array]:
-        """(N,) which boxes are refuted where so many times (N,) the loads are to be balanced; (N, n) the reach."""
-        over = self.over.balance(factor)
-        lower, _ = _mean_value(over, self.middle.balance(factor), self.away)
-        shown, sizes = lower > (factor * self.over.missed * MORE)[:, None], _changes(over, self.away).mag
+    def shown(self, factor: Array) -> BoxBounds:
+        """Which boxes are refuted where so many times (N,) the loads are to be balanced."""
+        over, at = self.over.balance(factor), self.middle.balance(factor)
+        lower, _ = _mean_value(over, at, self.away)
+        due = (factor * self.over.missed * MORE)[:, None]
+        shown, sizes = lower > due, _changes(over, self.away).mag
+        rows, middle, size = lower - due, at.value.lo - due, (factor * self.over.largest)[:, None]
         if self.over.cones is not None and self.middle.cones is not None:
             lower, _ = _mean_value(self.over.cones, self.middle.cones, self.away)
             shown = np.hstack([shown, lower >= 0])
             sizes = np.concatenate([sizes, _changes(self.over.cones, self.away).mag], axis=1)
+            rows, middle = np.hstack([rows, lower]), np.hstack([middle, self.middle.cones.value.lo])
+            size = np.hstack([size, self.over.speeds])
         share = sizes / sizes.sum(axis=2, keepdims=True)
-        return np.asarray(shown.all(axis=1)), np.where(shown[..., None], 0.0, share).sum(axis=1)
+        missing = np.where(shown, 0.0, np.maximum(-rows, 0.0) / size).max(axis=1)
+        near = np.where(shown, 1.0, nearness(rows, middle)).min(axis=1)
+        reach = np.where(shown[..., None], 0.0, share).sum(axis=1)
+        return BoxBounds(np.asarray(shown.all(axis=1)), reach, missing, near)
 
 
 def _mean_value(over: Dual, middle: Dual, away: Interval) -> tuple[Array, Array]:
