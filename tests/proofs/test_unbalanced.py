@@ -332,11 +332,11 @@ def test_what_is_missing_is_known_by_hand() -> None:
 @pytest.mark.parametrize("limit", [np.inf, 0.02])
 def test_a_box_is_refuted_once_it_has_shrunk_to_what_is_near(limit: float) -> None:
     """To first order: always at 0.8 of that, and half of them not at 1.6 of it."""
-    rng, (regions, load) = np.random.default_rng(3), skew(1, 2)
+    rng, (regions, load) = np.random.default_rng(3), skew(5, 2)
     placements = Placements.of(data(*regions), load[None], 0.3, limit)
     n = 1200
     middle, half = 0.5 + 0.1 * rng.normal(size=(n, 4)), 0.4 * rng.random((n, 1))
-    line = np.array([[0, 1] if k % 2 else [-1, -1] for k in range(n)])
+    line = np.array([rng.permutation(2) if k % 2 else [-1, -1] for k in range(n)])
     twist = np.where(line[:, :1] < 0, rng.normal(size=(n, 6)) * [0.05, 0.05, 0.05, 1, 1, 1], 0.0)
     twist *= np.sign(twist @ load)[:, None]
     motions = Motions(np.ones((n, 1)), line, twist)
