@@ -124,12 +124,18 @@ def test_a_limit_below_the_preload_is_named(grasp: str, capsys: pytest.CaptureFi
     assert "no state has both" not in out  # other commands are sought
 
 
-def test_a_sweep_tells_how_many_of_its_cases_slip(capsys: pytest.CaptureFixture[str]) -> None:
-    """A third finger that presses much harder than the others throws the object out."""
+def test_a_sweep_tells_how_many_of_its_cases_slip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A third finger that presses much harder than the others throws the object out; the page says the same."""
+    monkeypatch.chdir(tmp_path)
     commands = ["--joint", "finger_3_prox", "--from", "0.03", "--to", "0.12", "--steps", "2"]
-    _, out, _ = run(capsys, "sweep", "fig11", *commands, "--direction", "0", "0", "0", "1", "0", "0", *QUICK)
+    _, out, _ = run(
+        capsys, "sweep", "fig11", *commands, "--direction", "0", "0", "0", "1", "0", "0", *QUICK, "--report", "p.html"
+    )
     text = "The command of finger_3_prox varies: something is resisted in 1 of 2 cases."
     assert out.startswith(f"SLIPS IN 1 OF 2  {text}")
+    assert f'<b class="slips">SLIPS IN 1 OF 2</b><span>{text}</span>' in Path("p.html").read_text()
 
 
 def test_undecided_is_status_3(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -172,24 +172,14 @@ def _figures(part: Replay) -> str:
     return ", ".join(out)
 
 
-def _cases(answer: MapAnswer | SweepAnswer) -> str:
-    """In how many cases something is resisted."""
-    verdicts = [v for c in answer.judged for v in c.verdicts]
-    return f"something is resisted in {verdicts.count(Verdict.HOLDS)} of {words.count(len(verdicts), 'case')}"
-
-
 def _share(answer: MapAnswer | SweepAnswer) -> Text:
-    """The verdict, and of how many cases it is, where it is not that of all: 'SLIPS IN 3 OF 21'."""
-    verdicts = [v for c in answer.judged for v in c.verdicts]
-    of = verdicts.count(answer.verdict)
-    share = "" if of == len(verdicts) else f" IN {of} OF {len(verdicts)}"
-    return Text(answer.verdict.upper() + share, STYLE[answer.verdict])
+    return Text(sentences.share_word(answer).upper(), STYLE[answer.verdict])
 
 
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
     named = [("no preload", answer.passive), ("with preload", answer.preloaded)]
     plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane, {words.place_text(answer.at)}"
-    text = f"{plane}: {_cases(answer)}, {num(answer.seconds, 3)} s."
+    text = f"{plane}: {sentences.cases_text(answer)}, {num(answer.seconds, 3)} s."
     _head(out, answer.grasp, _share(answer), text, asked, answer.grasp.preload)
     rows = [(name, *_counts(curve)) for name, curve in named if curve is not None]
     print_table(out, ["", "any size", "limited", "none", "open", "largest [N]", "smallest [N]"], rows)
@@ -199,8 +189,7 @@ def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
 def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
     grasp = answer.grasp
     others = {name: value for name, value in grasp.preload.items() if name != answer.actuator}
-    text = f"The command of {answer.actuator} varies: {_cases(answer)}."
-    _head(out, grasp, _share(answer), text, asked, others)
+    _head(out, grasp, _share(answer), sentences.sweep_sentence(answer), asked, others)
     heads = [f"{answer.actuator} [{words.actuator_unit(grasp, answer.actuator)}]"]
     heads += [f"{words.direction_text(d)} [{words.magnitude(d)[1]}]" for d in answer.directions]
     rows = []

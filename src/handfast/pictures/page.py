@@ -88,14 +88,14 @@ def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Me
     answer = entry.answer
     parts = [f"<h2>{escape(entry.title)}</h2>"]
     if isinstance(answer, MapAnswer):
-        parts.append(_verdict(answer.verdict, sentences.map_sentence(answer)))
+        parts.append(_verdict(answer.verdict, sentences.map_sentence(answer), share=sentences.share_word(answer)))
         caption = f"Forces resisted in the {answer.plane} plane; they act {words.place_text(answer.at)}."
         if entry.weight:
             caption += f" {sentences.weight_sentence(answer.curves[-1], entry.weight)}"
         parts.append(still(draw_map(answer, limit=entry.limit, weight=entry.weight), caption))
         parts.append(page_tables.map_table(answer))
     elif isinstance(answer, SweepAnswer):
-        parts.append(_verdict(answer.verdict, f"The command of {answer.actuator} varies, the others stay."))
+        parts.append(_verdict(answer.verdict, sentences.sweep_sentence(answer), share=sentences.share_word(answer)))
         parts.append(still(draw_sweep(answer), "Largest resisted disturbances over the command."))
         parts.append(page_tables.sweep_table(answer))
     else:
@@ -159,8 +159,10 @@ def _pictures(grasp: Grasp, witness: Witness, meshes: Sequence[Mesh]) -> list[st
     return [still(draw_scene(meshes, grasp, witness), caption), still(draw_grasp(grasp, witness), bare)]
 
 
-def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False, fragile: bool = False) -> str:
-    word, style = (f"{verdict}?", "unreal") if unreal else (str(verdict), str(verdict))
+def _verdict(
+    verdict: Verdict, sentence: str, *, unreal: bool = False, fragile: bool = False, share: str | None = None
+) -> str:
+    word, style = (f"{verdict}?", "unreal") if unreal else (share or str(verdict), str(verdict))
     if fragile and not unreal:
         word, style = f"{verdict}, fragile", "unreal"
     return f'<p class="verdict"><b class="{style}">{word.upper()}</b><span>{escape(sentence)}</span></p>'

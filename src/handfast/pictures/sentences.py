@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from handfast.stability.problem.settings import Settings
     from handfast.stability.problem.witness import Witness
     from handfast.stability.studies.hold import HoldAnswer
-    from handfast.stability.studies.maps import Curve, MapAnswer
+    from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 CREATED = 1e-6  # friction that feeds in a larger share of the work than this is called unphysical
 
@@ -333,6 +333,24 @@ def map_sentence(answer: MapAnswer) -> str:
                 text += f"; how much more is resisted in {more} of them was not decided"
             parts.append(text)
     return words.sentence("; ".join(parts))
+
+
+def share_word(answer: MapAnswer | SweepAnswer) -> str:
+    """The verdict, and of how many cases it is, where it is not that of all: 'slips in 3 of 21'."""
+    verdicts = [v for c in answer.judged for v in c.verdicts]
+    of = verdicts.count(answer.verdict)
+    return str(answer.verdict) + ("" if of == len(verdicts) else f" in {of} of {len(verdicts)}")
+
+
+def cases_text(answer: MapAnswer | SweepAnswer) -> str:
+    """In how many cases something is resisted."""
+    verdicts = [v for c in answer.judged for v in c.verdicts]
+    return f"something is resisted in {verdicts.count(Verdict.HOLDS)} of {count(len(verdicts), 'case')}"
+
+
+def sweep_sentence(answer: SweepAnswer) -> str:
+    """What varies, and in how many cases something is resisted."""
+    return f"The command of {answer.actuator} varies: {cases_text(answer)}."
 
 
 def hold_sentence(answer: HoldAnswer) -> str:
