@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,12 +41,35 @@ def test_lengths_and_forces_of_any_size(scale):
         assert not verify(proof(q, leaves=[*LEAVES[:2], LEAVES[2][:3]])).ok
 
 
+@pytest.mark.parametrize("bad", range(3))
+def test_of_the_leaves_that_are_looked_at_alone_something_is_said(bad):
+    c = proof()
+    y = c.multiplier.astype(float)
+    y[c.start[bad] : c.start[bad + 1]] = 0.0
+    wrong, others = replace(c, multiplier=y), np.flatnonzero(np.arange(3) != bad)
+    found = verify(wrong, among=others)
+    assert found.ok
+    assert found.margin == verify(c, among=others).margin
+    for among in ([bad], [bad, others[1]], None):
+        found = verify(wrong, among=None if among is None else np.array(among))
+        assert not found.ok
+        assert found.unproved == (bad,)
+    assert verify(wrong, among=np.zeros(0, np.int64)).ok
+    y[c.start[bad]] = -1.0
+    wrong = replace(c, multiplier=y)
+    assert "is negative" in verify(wrong).reason
+    assert f"leaf {bad} (node {c.leaves[bad]}), row 0" in verify(wrong, among=np.array([bad])).reason
+
+
 @pytest.mark.parametrize("tilt", [-1e-10, -1e-12, -1e-14, -1e-16])
 def test_walls_that_are_not_quite_parallel_have_a_cap_below_the_motion_that_holds(tilt):
     """c_n = 1 N at both holds 1 N: -r_x = 1 and r_x + tilt r_y = 1 where the object moves along y by -2 / tilt."""
     found = verify(proof(walls(tilt=tilt)))
     assert found.ok
     assert found.cap is not None
+    assert found.capped == (2,)
+    for among, capped in (([0, 1], ()), ([2], (2,))):
+        assert verify(proof(walls(tilt=tilt)), among=np.array(among)).capped == capped
     assert min(0.05 / -tilt, 1e12) < found.cap < 2 / -tilt
     scaled = verify(proof(walls(size=1e9, tilt=tilt))), verify(proof(walls(force=1e-9, tilt=tilt)))
     assert [x.cap for x in scaled] == pytest.approx([found.cap, 1e-9 * found.cap], rel=0.1)
@@ -147,6 +171,6 @@ def test_what_pushes_the_scalar_is_the_bound_at_its_first_end_alone():
     kind = np.array([Row.BOUND_UP, Row.BOUND_UP, Row.BOUND_DOWN])
     index = np.array([at.scalar.start, at.c.start, at.scalar.start])
     c = Certificate(q, (1.0, 2.0), root - 1, *[root] * 4, np.array([0, 3]), kind, index, none, none, np.ones(3))
-    found = checked_rows(c, np.zeros((1, q.grasp.m + q.actuators, 3), np.int64), slice(0, 1))
+    found = checked_rows(c, np.zeros((1, q.grasp.m + q.actuators, 3), np.int64), np.arange(1))
     assert found.first.tolist() == [True, False, False]
     assert found.right[found.which].tolist() == [1.0, 0.0, -2.0]

@@ -32,7 +32,7 @@ class Checked:
         leaves: how many cases the proof has.
         margin: the smallest relative margin by which a leaf is proved; -inf if it did not come to that.
         reason: empty if ok, else one line: which node, leaf or row, and what is wrong with it.
-        unproved: places of the leaves that are not proved, if all else is right.
+        unproved, capped: places of the leaves that are not proved, and that are up to a cap, if all else is right.
         cap: [N] the claim is proved for virtual motions up to here only; None without any end. The file has no say
             in it.
     """
@@ -42,19 +42,24 @@ class Checked:
     margin: float
     reason: str
     unproved: tuple[int, ...] = ()
+    capped: tuple[int, ...] = ()
     cap: float | None = None
 
 
-def verify(certificate: Certificate, until: float = np.inf, *, quick: bool = False) -> Checked:
+def verify(
+    certificate: Certificate, until: float = np.inf, *, quick: bool = False, among: Integers | None = None
+) -> Checked:
     """Does the certificate prove its claim?
 
     Args:
         certificate: what is to be checked.
         until: [s] of `time.monotonic`, when it is to give up.
         quick: refuse what floating-point arithmetic does not show at once.
+        among: places of the leaves that are looked at, for a search: the others may be wrong. By default all.
     """
     c, q = certificate, certificate.question
     leaves = len(c.start) - 1
+    asked = np.arange(leaves) if among is None else among
     try:
         in_time(until)
         cases = leaf_cases(q, c.parent, c.part, np.column_stack([c.state, c.left, c.right]))
@@ -67,8 +72,8 @@ def verify(certificate: Certificate, until: float = np.inf, *, quick: bool = Fal
             if 0 < right.scale < LEAST:
                 raise BadCertificate(TOO_SMALL)
             margins, caps = np.full(leaves, -np.inf), np.full(leaves, np.inf)
-            for begin in range(0, leaves, SIDE):
-                some = slice(begin, min(begin + SIDE, leaves))
+            for begin in range(0, len(asked), SIDE):
+                some = asked[begin : begin + SIDE]
                 in_time(until)
                 systems = LeafSystems(equations, right, checked_rows(c, cases, some), until)
                 margins[some], caps[some] = systems.proved(quick)
@@ -78,20 +83,24 @@ def verify(certificate: Certificate, until: float = np.inf, *, quick: bool = Fal
         return Checked(False, leaves, -np.inf, str(fault))
     except Late:
         return Checked(False, leaves, -np.inf, "there was no time to check it all")
-    bad, cap = np.flatnonzero(~(margins > 0)), float(caps.min())
+    bad, cap = asked[~(margins[asked] > 0)], float(caps[asked].min(initial=np.inf))
     reason = f"leaf {bad[0]} (node {c.leaves[bad[0]]}) is not proved: margin {margins[bad[0]]:.3g}" if len(bad) else ""
     limit = cap if cap < np.inf and not len(bad) else None
-    return Checked(not len(bad), leaves, float(margins.min()), reason, tuple(bad.tolist()), limit)
+    capped = tuple(asked[caps[asked] < np.inf].tolist())
+    return Checked(
+        not len(bad), leaves, float(margins[asked].min(initial=np.inf)), reason, tuple(bad.tolist()), capped, limit
+    )
 
 
-def checked_rows(c: Certificate, cases: Integers, leaves: slice) -> CitedRows:
+def checked_rows(c: Certificate, cases: Integers, leaves: Integers) -> CitedRows:
     """The rows of some leaves as numbers, cases of all.
 
     `BadCertificate` for the first row that is none, or need not hold, or has no multiplier >= 0.
     """
-    q, start, cases = c.question, c.start[leaves.start : leaves.stop + 1], cases[leaves]
-    cited, first, start = slice(start[0], start[-1]), start[0], start - start[0]
-    leaf = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    q, first, cases = c.question, c.start[leaves], cases[leaves]
+    count = c.start[leaves + 1] - first
+    start, leaf = np.append(0, np.cumsum(count)), np.repeat(np.arange(len(leaves)), count)
+    cited = (first - start[:-1])[leaf] + np.arange(start[-1])
     kind, index, a, b = (x[cited] for x in (c.kind, c.index, c.a, c.b))
     multiplier = c.multiplier[cited]
     some = LeafRows(kind, index, a, b, leaf, c.references)
@@ -99,8 +108,8 @@ def checked_rows(c: Certificate, cases: Integers, leaves: slice) -> CitedRows:
     def refuse(bad: Mask, why: str) -> None:
         if bad.any():
             r = int(np.flatnonzero(bad)[0])
-            k = leaves.start + leaf[r]
-            place = f"leaf {k} (node {c.leaves[k]}), row {first + r - c.start[k]}"
+            k = leaves[leaf[r]]
+            place = f"leaf {k} (node {c.leaves[k]}), row {r - start[leaf[r]]}"
             name = Row(kind[r]).name if kind[r] in rows.KINDS else kind[r]
             raise BadCertificate(f"{place}, {name} {index[r]} [{a[r]}, {b[r]}]: {why}")
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,23 +30,40 @@ AWAY = 1e-3  # from 0, in rays whose contradiction is 1
 Rays = tuple[Integers, Integers, Integers, Integers, Array]  # kind, index, a, b, multiplier
 
 
-def repaired(certificate: Certificate, leaves: Sequence[int], until: float = np.inf) -> Certificate:
-    """The certificate with other rays for these leaves, where there are better ones.
+def rays_of(c: Certificate) -> list[Rays]:
+    """The ray of each leaf."""
+    ends = [slice(first, last) for first, last in pairwise(c.start.tolist())]
+    return [(c.kind[x], c.index[x], c.a[x], c.b[x], c.multiplier[x].astype(np.float64)) for x in ends]
+
+
+def with_rays(c: Certificate, rays: Sequence[Rays]) -> Certificate:
+    """The certificate with a ray for each of its leaves; multipliers of 32 bits if these say all."""
+    start = np.cumsum([0, *(len(ray[0]) for ray in rays)])
+    *columns, y = (np.concatenate(column) for column in zip(*rays, strict=True))
+    short = y.astype(np.float32)
+    return replace(
+        c,
+        start=start,
+        multiplier=short if np.array_equal(short, y) else y,
+        **dict(zip(ROWS, columns, strict=True)),  # type: ignore[arg-type]
+    )
+
+
+def repaired(c: Certificate, leaves: Sequence[int], until: float = np.inf) -> dict[int, Rays]:
+    """Other rays for some of these leaves, where there are better ones.
 
     until: [s] of `time.monotonic`, from which on no more are sought.
     """
-    c, q = certificate, certificate.question
+    q = c.question
     cases = leaf_cases(q, c.parent, c.part, np.column_stack([c.state, c.left, c.right]))
     equations = equations_of(q)
     side = RightSide.of(q, c.scalar, len(equations.E))
-    parts: list[Rays] = []
-    for leaf in range(len(c.start) - 1):
-        own = slice(c.start[leaf], c.start[leaf + 1])
-        ray = _ray(c, leaf, cases[leaf], equations, side) if leaf in leaves and time.monotonic() < until else None
-        parts.append(ray or (c.kind[own], c.index[own], c.a[own], c.b[own], c.multiplier[own].astype(float)))
-    start = np.cumsum([0, *(len(part[0]) for part in parts)])
-    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return replace(c, start=start, **dict(zip((*ROWS, "multiplier"), columns, strict=True)))  # type: ignore[arg-type]
+    out: dict[int, Rays] = {}
+    for leaf in leaves:
+        ray = _ray(c, leaf, cases[leaf], equations, side) if time.monotonic() < until else None
+        if ray is not None:
+            out[leaf] = ray
+    return out
 
 
 def _ray(c: Certificate, leaf: int, case: Integers, equations: Equations, side: RightSide) -> Rays | None:

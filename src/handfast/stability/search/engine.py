@@ -19,6 +19,7 @@ from handfast.stability.problem.settings import OnStep, Progress, Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
 from handfast.stability.search.bounded_motion import FIRST, Capped
+from handfast.stability.search.certificate_polish import Rays
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.proof import Outcome, Proof
 from handfast.stability.search.reduced import Reduced, reduce
@@ -283,8 +284,9 @@ def _proved(s: Search, settings: Settings, limits: SearchLimits) -> tuple[Proof 
     if not settings.verify:
         return proof, False
     best: Proof | None = None
+    known: dict[bytes, Rays] = {}
     for _ in range(ROUNDS):
-        proof, ok, unproved = proof.checked(limits.end)
+        proof, ok, unproved = proof.checked(limits.end, known)
         if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
             best = proof
         done = ok and (not len(unproved) or r.cap < INF)

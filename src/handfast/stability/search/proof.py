@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.arrays import Pool
-from handfast.stability.search.certificate_polish import repaired
+from handfast.stability.search.certificate_polish import Rays, rays_of, repaired, with_rays
 from handfast.stability.search.reduced import Reduced
 
 MOST = 200  # leaves for which another ray is sought
@@ -78,28 +79,59 @@ class Proof:
             **entries,
         )
 
-    def checked(self, until: float) -> tuple[Proof, bool, Indices]:
+    def checked(self, until: float, known: dict[bytes, Rays]) -> tuple[Proof, bool, Indices]:
         """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
 
-        With other rays where those found do not do. until: [s] of `time.monotonic`, when there is no more time for it.
+        With other rays where those found do not do: rounded ones, as they were found, and in the middle of all. Until
+        each leaf has one, leaves are asked alone; then the whole is.
+
+        until: [s] of `time.monotonic`, when there is no more time for it.
+        known: the best rays that were accepted for `_named` leaves of this search, of which it gets more.
         """
-        none = np.zeros(0, int)
-        if self.certificate is None:
+        none, whole = np.zeros(0, int), self.certificate
+        if whole is None:
             return self, False, none
-        short = self.certificate.rounded()
-        found = checker.verify(short, until)
-        if found.ok and found.cap is None:
-            mended = replace(self, cap=None)
-            mended.__dict__["certificate"] = short
-            return mended, True, none
-        found = checker.verify(self.certificate, until)
-        if not 0 < len(found.unproved) <= MOST or self.reduced.cap < np.inf:
-            return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
-        certificate = repaired(self.certificate, found.unproved, until)
-        found = checker.verify(certificate, until)
-        mended = replace(self, cap=found.cap)
-        mended.__dict__["certificate"] = certificate
-        return mended, found.ok, certificate.leaves[list(found.unproved)]
+        found, again = whole.rounded(), bool(known)
+        told = checker.verify(found, until, among=none if again else None)
+        if again or not told.ok or told.cap is not None:
+            names, rays, tried = self._named(whole), rays_of(whole), rays_of(found)
+            left = {k for k, name in enumerate(names) if name not in known}
+            tried = [known.get(name, ray) for name, ray in zip(names, tried, strict=True)]
+            for others in range(3):
+                if others == 1:
+                    tried = [rays[k] if k in left else ray for k, ray in enumerate(tried)]
+                if others == 2:
+                    left = set(told.unproved)
+                    if not 0 < len(left) <= MOST or self.reduced.cap < np.inf:
+                        break
+                    better = repaired(found, sorted(left), until)
+                    tried = [better.get(k, ray) for k, ray in enumerate(tried)]
+                if others or again:
+                    found = with_rays(whole, tried)
+                    told = checker.verify(found, until, among=np.array(sorted(left), dtype=np.int64))
+                if not told.ok and not told.unproved:
+                    return self, False, none  # there was no time, or the tree is wrong
+                shown = left - {*told.unproved, *(() if others else told.capped)}
+                known |= {names[k]: tried[k] for k in shown}
+                left -= shown
+                if not left:
+                    break
+            if told.unproved:
+                return self, False, whole.leaves[list(told.unproved)]
+            told = checker.verify(found, until)
+        mended = replace(self, cap=told.cap)
+        mended.__dict__["certificate"] = found
+        return mended, told.ok, whole.leaves[list(told.unproved)]
+
+    def _named(self, c: Certificate) -> list[bytes]:
+        """What is claimed of each leaf, and its ray."""
+        states = self.pool.states[self.pool.status == arrays.EMPTY]
+        energy = np.where(c.kind == rows.ENERGY, c.index, -1)
+        points = np.where(energy[:, None] >= 0, c.references[energy], 0.0) if len(c.references) else energy[:, None]
+        of_rows = np.column_stack([c.kind, c.index, c.a, c.b, points, np.asarray(c.multiplier, dtype=np.float64)])
+        ends = pairwise(c.start.tolist())
+        own = (of_rows[first:last].tobytes() for first, last in ends)
+        return [repr(c.scalar).encode() + state.tobytes() + ray for state, ray in zip(states, own, strict=True)]
 
     def under(self, wrench: Array, until: float = np.inf) -> Proof | None:
         """The same cases and rows for another load (6,), if the independent checker accepts them without a cap."""
