@@ -387,11 +387,13 @@ class ContactSetSearch:
     def _claimed(self, boxes: Boxes, left: Integers, tried: Integers) -> tuple[Integers, Array]:
         """Which proposer discards each box, or -1, with its claim in `tried` (N, proposers).
 
-        And (N, n) what sides change in the claims that fail. First what was tried on a neighbour, then new claims.
+        And (N, n) what sides change in the claim that is nearest to it. First what was tried on a neighbour, then new
+        claims, that of collisions before the dearer one of forces.
         """
         claimed, reach = np.full(len(tried), NO_CLAIM), np.zeros(boxes.box.shape[:2])
+        nearest = np.zeros(len(tried))
         for again in (True, False):
-            for number, proposer in enumerate(self.proposers):
+            for number, proposer in [*enumerate(self.proposers)][::-1]:  # the cheap one first
                 its = left[claimed[left] < 0]
                 if not again and len(its):
                     tried[its, number] = proposer.propose(boxes.some(its), tried[its, number])
@@ -399,7 +401,8 @@ class ContactSetSearch:
                 if len(its):
                     found = proposer.reason.examined(boxes.some(its), tried[its, number])
                     claimed[its[found.refuted]] = number
-                    reach[its] = found.reach
+                    nearer = found.near >= nearest[its]
+                    reach[its[nearer]], nearest[its[nearer]] = found.reach[nearer], found.near[nearer]
         return claimed, reach
 
     def _by_conditions(self, boxes: Boxes, changes: Array) -> Array:
