@@ -138,6 +138,7 @@ def bulky(_: object, item: int) -> bytes:
 
 
 @needs_fork
+@pytest.mark.slow
 def test_a_pool_ends_while_its_processes_send_results() -> None:
     for _ in range(30):
         with WorkerPool(None, 3) as pool:

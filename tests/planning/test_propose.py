@@ -225,6 +225,7 @@ def found() -> Proposals:
     return propose(BARRETT, None, load_body("slab"), "pinch", count=2, object="slab")
 
 
+@pytest.mark.slow
 def test_a_proposal_is_certified_and_its_file_gives_it_again(tmp_path: Path, found: Proposals) -> None:
     assert len(found.proposals) == 2
     assert found.tried >= 2
@@ -247,6 +248,7 @@ def test_a_proposal_is_certified_and_its_file_gives_it_again(tmp_path: Path, fou
     assert [p["name"] for p in data["proposals"]] == [f.stem for f in files]
 
 
+@pytest.mark.slow
 def test_regions_that_no_forces_balance_are_not_tried() -> None:
     """A centre of mass beside the object is on no line through two points of it."""
     body = replace(load_body("slab"), center_of_mass=np.array([0.0, 0.0, 0.5]))

@@ -81,6 +81,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @needs_fork
+@pytest.mark.slow
 def test_a_plan_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, planned: Path) -> None:
     folder = tmp_path / "out"
     kill([*PLAN[:-1], "200"], folder, "handfast.planning.results.folder.save_grasp", 2)
@@ -96,6 +97,7 @@ def test_a_plan_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, pl
     assert contents(folder) == contents(planned)
 
 
+@pytest.mark.slow
 def test_a_plan_goes_on_to_more_grasps(tmp_path: Path, planned: Path) -> None:
     folder = tmp_path / "out"
     assert plan(folder, count=2).run() == 0
@@ -103,6 +105,7 @@ def test_a_plan_goes_on_to_more_grasps(tmp_path: Path, planned: Path) -> None:
     assert contents(folder) == contents(planned)
 
 
+@pytest.mark.slow
 def test_attempts_are_counted_from_the_first(tmp_path: Path, planned: Path) -> None:
     tried = json.loads((planned / "plan.json").read_text("utf-8"))["tried"]
     folder = tmp_path / "out"
@@ -113,6 +116,7 @@ def test_attempts_are_counted_from_the_first(tmp_path: Path, planned: Path) -> N
     assert contents(folder) == contents(planned)
 
 
+@pytest.mark.slow
 def test_a_pool_is_kept_whole(tmp_path: Path, planned: Path) -> None:
     folder = tmp_path / "out"
     assert plan(folder, count=1, pool=4).run() == 0
@@ -173,6 +177,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @needs_fork
+@pytest.mark.slow
 def test_a_search_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, searched: Path) -> None:
     folder = tmp_path / "out"
     kill([*GRASP, "--timeout", "inf"], folder, "handfast.planning.results.folder.save_search", 1)
@@ -183,6 +188,7 @@ def test_a_search_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, 
     assert contents(folder) == contents(searched)
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_to_more_grasps(tmp_path: Path, searched: Path) -> None:
     folder = tmp_path / "out"
     assert grasp(folder, count=1, timeout=float("inf")).run() == 0

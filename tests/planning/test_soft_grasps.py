@@ -91,6 +91,7 @@ def test_two_fingers_carry_a_weight_beside_their_line(arm: float, share: float, 
 
 
 @pytest.mark.parametrize("arm", [0.01, 0.05])
+@pytest.mark.slow
 def test_the_bound_is_what_both_fingers_can_carry(arm: float) -> None:
     loads = Loads.wrench(WEIGHT * np.array([0, 0, -1, 0, arm, 0]))
     bound = LoadBound(tiny_grip(), loads, MU, center=np.zeros(3), force_limits=1.0, torsion=TORSION)
@@ -101,6 +102,7 @@ def test_the_bound_is_what_both_fingers_can_carry(arm: float) -> None:
 
 
 @pytest.mark.parametrize(("share", "shown"), [(0.93, True), (1.05, False)])
+@pytest.mark.slow
 def test_a_motor_too_weak_for_a_weight_beside_the_line(share: float, shown: bool) -> None:
     """One motor for both flat jaws, the block's centre of mass 5 mm off their line, 4 mm at the least."""
     arm, torsion, task = 0.005, 0.005, jaws()
@@ -189,6 +191,7 @@ def test_load_factors_know_torsion() -> None:
 
 
 @pytest.mark.parametrize("seed", slow_after(3, range(10)))
+@pytest.mark.slow
 def test_boxes_about_placements_that_hold_with_torsion_are_never_refuted(seed: int) -> None:
     """Contacts anywhere, loads that forces in the soft cones balance, half with a limit that one of them reaches."""
     rng, hand, tip = np.random.default_rng(seed), load_hand("schunk-sah"), pinch().contact_pairs[0].hand
@@ -284,6 +287,7 @@ def test_two_soft_fingers_hold_a_weight_from_every_side(found: Grasps) -> None:
     assert any(state.torsion.any() for state in states)
 
 
+@pytest.mark.slow
 def test_limited_forces_have_too_little_torsion(none: Grasps, tmp_path: Path) -> None:
     assert none.verdict is Reach.NONE
     assert none.verify().ok
@@ -403,6 +407,7 @@ def test_torsion_needs_friction() -> None:
         plan(load_hand("parallel-gripper"), slippery, torsion=0.002)
 
 
+@pytest.mark.slow
 def test_the_command_says_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     folder = str(tmp_path / "out")
     how = ["--torsion", "0.002", "--force-limit", "0.3", "--safety", "1", "-o", folder, "--jobs", "1"]
@@ -419,6 +424,7 @@ def test_the_command_says_it(capsys: pytest.CaptureFixture[str], tmp_path: Path)
 # --- plan ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_plans_have_soft_contacts(tmp_path: Path) -> None:
     hand, body = load_hand("parallel-gripper"), load_body("can")
     loads = Loads.gravity(body, ["-z"])

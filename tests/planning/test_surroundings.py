@@ -82,6 +82,7 @@ def test_what_cannot_be() -> None:
         Surroundings(travel=0.0)
 
 
+@pytest.mark.slow
 def test_planned_grasps_keep_clear_of_the_support() -> None:
     hand, body = load_hand("barrett-bh8-280"), load_body("can")
     around = Surroundings([0, 0, 1])
@@ -102,6 +103,7 @@ def test_planned_grasps_keep_clear_of_the_support() -> None:
             assert Scene(hand, body).distance(opened, there).min() > -1.1e-4
 
 
+@pytest.mark.slow
 def test_several_objects_a_support_and_an_obstacle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     far = tmp_path / "wall.json"
     far.write_text(

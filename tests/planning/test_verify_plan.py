@@ -167,6 +167,7 @@ def test_it_has_to_be_the_question_of_the_plan(tmp_path: Path) -> None:
         verify(tmp_path)
 
 
+@pytest.mark.slow
 def test_grasps_have_no_more_contacts_than_allowed() -> None:
     hand, body = load_hand(BARRETT), load_body("ball")
     any_number = plan(hand, body, attempts=12, count=12, seed=1, jobs=1)
