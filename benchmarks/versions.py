@@ -12,7 +12,7 @@ Without --fresh these are the random cases of the published set of each size. A 
 turns, so that other work on the machine hits both alike. Proofs are replayed only with --verify.
 
 With --fresh so many questions are asked of fresh grasps of 3 to 8 contacts, each of one of `KINDS`: a maximum, with or
-without a load besides; a check of a load of any size; the smallest commands of a load; the smallest preload. Proofs are
+without a load besides; a check of a load of any size; the smallest commands of a load; one preload for two loads. Proofs are
 replayed, `--limit` seconds each. Counted are answers that are equal to the last bit, those of which one cannot be true,
 and questions that only one of the two decides. What differs is kept, question by question; the run is saved as it goes.
 
@@ -39,6 +39,7 @@ from benchmarks.grasps import Case, cases, presses, random_case
 from benchmarks.machine import describe, revision
 from benchmarks.users import contradictions, said, verdict_alone
 from handfast import check, hold, maximum, torques
+from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "versions.json"
@@ -64,11 +65,15 @@ def a_maximum(case: Case, rng: np.random.Generator, settings: Settings) -> Any:
     return maximum(case.grasp, case.direction, base=base, settings=settings)
 
 
+def preload_for_two(case: Case, rng: np.random.Generator, settings: Settings) -> Any:
+    return hold(case.grasp, Loads.wrench(another(case, rng)) + Loads.wrench(another(case, rng), "b"), settings=settings)
+
+
 KINDS: dict[str, Callable[[Case, np.random.Generator, Settings], Any]] = {
     "max": a_maximum,
     "check": lambda case, rng, settings: check(case.grasp, another(case, rng), settings=settings),
     "torques": lambda case, rng, settings: torques(case.grasp, another(case, rng), settings=settings),
-    "hold": lambda case, rng, settings: hold(case.grasp, another(case, rng), settings=settings),
+    "hold": preload_for_two,
 }
 
 
