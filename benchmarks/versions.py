@@ -12,9 +12,10 @@ Without --fresh these are the random cases of the published set of each size. A 
 turns, so that other work on the machine hits both alike. Proofs are replayed only with --verify.
 
 With --fresh so many questions are asked of fresh grasps of 3 to 8 contacts, each of one of `KINDS`: a maximum, with or
-without a load besides; a check of a load of any size; the smallest commands of a load; one preload for two loads. Proofs are
-replayed, `--limit` seconds each. Counted are answers that are equal to the last bit, those of which one cannot be true,
-and questions that only one of the two decides. What differs is kept, question by question; the run is saved as it goes.
+without a load besides; a check of a load of any size; the smallest commands of a load; one preload for two loads.
+Proofs are replayed, `--limit` seconds each. Counted are answers that are equal to the last bit, those of which one
+cannot be true, and questions that only one of the two decides. What differs is kept, question by question; the run is
+saved as it goes.
 
 Adds to results/versions.json and prints a Markdown table.
 """
