@@ -219,14 +219,14 @@ def _search(p: ScaledProblem, goal: Objective, settings: RefinementSettings, on_
             if on_progress:
                 bounds = goal.bounds(p, value, bound)
                 on_progress(RefinementProgress(*bounds, sum(s.result.nodes for s in steps), step))
-            if ((found and not goal.has_scalar) or value <= last or goal.near(value, bound, settings.gap)) and (
+            if ((found and not goal.has_scalar) or value <= last or goal.near(p, value, bound, settings.gap)) and (
                 not settings.as_printed
             ):
                 break
     except KeyboardInterrupt:
         interrupted = True
     stop = Stop.INTERRUPTED if interrupted or not steps else STOPS[steps[-1].result.status]
-    done = value <= last or goal.near(value, bound, settings.gap) or (found is not None and not goal.has_scalar)
+    done = value <= last or goal.near(p, value, bound, settings.gap) or (found is not None and not goal.has_scalar)
     if (bound == INF and found is None) or done:
         stop = Stop.COMPLETE
     elif stop is Stop.COMPLETE:

@@ -411,6 +411,16 @@ def test_a_state_of_a_search_with_trials_that_the_judge_refuses_is_sought_withou
     assert (answer.verdict, answer.lower, answer.upper) == (Verdict.HOLDS, 0, 0)
 
 
+@pytest.mark.parametrize(("seed", "least"), [(5084, 0.0151326), (5102, 0.0)])
+def test_least_commands_of_a_load_are_as_large_as_the_load(seed: int, least: float) -> None:
+    """Motors turn without force: states were refused, or not proved, at some sizes of the load and not at others."""
+    for size in (0.1, 1000.0):
+        answer = torques(fingers(seed), w(0, 0, -size), settings=Settings(nodes=5000))
+        assert (answer.verdict, answer.verified) == (Verdict.HOLDS, True)
+        assert answer.upper / size == pytest.approx(least, rel=2e-3, abs=1e-6)
+        assert answer.lower <= answer.upper <= answer.lower * 1.002 + 1e-6 * size
+
+
 def test_a_motor_that_turns_without_force_has_a_least_command() -> None:
     """Three of twelve motors do: with no command at all they were locked, and the judge refused the state."""
     answer = torques(fingers(2), w(0, 0, -1), settings=Settings(nodes=5000))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,13 +22,13 @@ from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.objective import INF, Effort, Objective, SmallestCommands
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
-from handfast.stability.search.solve import clock_of, held_under, solve, without_end
+from handfast.stability.search.reduced import LEAST_COMMAND
+from handfast.stability.search.solve import MANY, clock_of, held_under, solve, time_left, without_end
 
 if TYPE_CHECKING:
     from handfast.stability.search.proof import Outcome
 
 MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
-NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +95,15 @@ def ask(
     if comes_after(loading):
         return _on_path(grasp, posed, names, settings, on_progress)
     clock = clock_of(settings)
-    found = _search(grasp, posed.problem, posed.goal, settings, on_progress, clock)
-    answer = shown_torques(posed, names, found)
-    return answer.settled(clock.end) if settings.verify else answer
+    first: TorquesAnswer | None = None
+    for found in _found(grasp, posed.problem, posed.goal, settings, on_progress, clock):
+        answer = shown_torques(posed, names, found)
+        settled = answer.settled(clock.end) if settings.verify else answer
+        if settled.verdict is not Verdict.UNDECIDED:
+            return settled
+        first = first or settled
+    assert first is not None
+    return first
 
 
 def _on_path(
@@ -155,32 +161,50 @@ def shown_torques(posed: BoundProblem, names: Sequence[str], found: Outcome) -> 
 def with_hardly_any(p: ScaledProblem) -> Grasp:
     """The grasp with next to no commands, where any will do and none will not."""
     same = p.equivalent
-    return p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
+    return p.grasp.with_preload(same.command_of(LEAST_COMMAND * p.command_units * same.plain.command))
 
 
-def _search(
+def _found(
     grasp: Grasp,
     p: ScaledProblem,
     goal: Objective,
     settings: Settings,
     on_progress: OnStep | None,
     clock: SearchLimits,
-) -> Outcome:
-    """The least commands that were found, raised by a little so that they hold by more than luck."""
+) -> Iterator[Outcome]:
+    """The least commands that were found, raised by a little so that they hold by more than luck, the best first."""
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
     found = solve(p, goal, finer, on_progress)
     if found.bound == INF:
         found = without_end(p, goal, finer, on_progress, found, clock)
-    if found.stop is Stop.INTERRUPTED:
-        return found
-    if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
+    if found.stop is not Stop.INTERRUPTED and found.witness is None and found.bound <= 0.0:
+        # any will do, and none will not: ask for hardly any
         held = held_under(with_hardly_any(p), p, settings, found, clock)
-        return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
-    if found.witness is not None and not clock.late:
+        if held is not None:
+            found = replace(held, stop=Stop.COMPLETE)  # nothing is less than none
+    elif found.stop is not Stop.INTERRUPTED and found.witness is not None and not clock.late:
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)
-        factors = 1 + settings.gap * np.array(MORE)
-        raised = (grasp.with_preload(np.where(back, command, factor * command)) for factor in factors)
-        return next((held for g in raised if (held := held_under(g, p, settings, found, clock))), found)
-    return found
+        for share in MORE:
+            raised = grasp.with_preload(np.where(back, command, (1 + settings.gap * share) * command))
+            held = held_under(raised, p, settings, found, clock)
+            if held is not None:
+                yield held
+    yield found
+    left = min(settings.nodes - found.nodes, MANY + 2 * found.nodes)
+    if found.stop in (Stop.COMPLETE, Stop.NUMERICAL) and found.bound < INF and left > 0 and not clock.late:
+        yield _carrying(p, goal, replace(time_left(settings, clock), nodes=left), found)
+
+
+def _carrying(p: ScaledProblem, goal: Objective, settings: Settings, found: Outcome) -> Outcome:
+    """Commands of which each is carried, where those that were found are not proved, with the better bound of both.
+
+    The least may be approached only as a command goes to none, which leaves its actuator turning without force.
+    """
+    there = solve(p, goal, settings, None, least=LEAST_COMMAND)
+    out = there.after(found)
+    if there.stop is Stop.COMPLETE or found.bound <= there.bound:
+        return out
+    stop = Stop.COMPLETE if goal.near(p, out.value, found.bound, settings.gap) else out.stop
+    return replace(out, bound=found.bound, proof=found.proof, verified=found.verified, stop=stop)

@@ -29,7 +29,7 @@ HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy ne
 STRONGEST = 1e3  # (scaled) commands that are sought go as far
 NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
 NO_MAGNITUDE = 1e-10  # magnitudes, in other forces in play, that count as none
-NO_TORQUE = 1e-9  # [N m or N] torques below this count as none
+NO_COMMAND = 1e-8  # (scaled) by which commands may differ that count as the same
 
 Effort = Literal["max", "sum"]
 Range = tuple[float, float]
@@ -119,13 +119,15 @@ class Objective(ABC):
         """[N] one scaled unit of force in the question's own units."""
         return p.force
 
-    def gaps(self, gap: float, unit: float) -> tuple[float, float]:
-        """Relative and absolute distance of value and bound, for a gap that was asked; unit: see `scalar_unit`."""
-        return gap, NO_TORQUE / unit
+    def gaps(self, gap: float) -> tuple[float, float]:
+        """Relative and absolute (scaled) distance of value and bound, for a gap that was asked."""
+        return gap, NO_MAGNITUDE
 
-    def near(self, value: float, bound: float, gap: float) -> bool:
+    def near(self, p: ScaledProblem, value: float, bound: float, gap: float) -> bool:
         """Are value and bound of the objective as near as asked, relative to the smaller magnitude or larger torque?"""
-        return bool(np.isfinite(value) and value - bound <= gap * abs(value) + NO_TORQUE)
+        relative, absolute = self.gaps(gap)
+        unit = p.command_unit if self.seeks_commands else 1.0
+        return bool(np.isfinite(value) and value - bound <= relative * abs(value) + absolute * unit)
 
     def bounds(self, p: ScaledProblem, value: float, bound: float) -> Range:
         """(lower, upper) of what was asked, from an objective achieved and a bound on it, inf without."""
@@ -165,7 +167,7 @@ class AnyState(Objective):
     def search_range(self, p: ScaledProblem, *, endless: bool = False) -> Range:
         return -INF, INF
 
-    def near(self, value: float, bound: float, gap: float) -> bool:
+    def near(self, p: ScaledProblem, value: float, bound: float, gap: float) -> bool:
         return False
 
     def achieved(self, witness: Witness, scalar: float) -> float:
@@ -203,10 +205,10 @@ class SmallestPreload(Objective):
     def force_unit(self, p: ScaledProblem) -> float:
         return p.force / p.direction_scale
 
-    def gaps(self, gap: float, unit: float) -> tuple[float, float]:
+    def gaps(self, gap: float) -> tuple[float, float]:
         return gap / (1 + gap), 0.0
 
-    def near(self, value: float, bound: float, gap: float) -> bool:
+    def near(self, p: ScaledProblem, value: float, bound: float, gap: float) -> bool:
         return bool(np.isfinite(value) and value - bound <= gap * abs(bound))
 
     def bounds(self, p: ScaledProblem, value: float, bound: float) -> Range:
@@ -240,9 +242,6 @@ class LargestMagnitude(Objective):
     def scalar_unit(self, p: ScaledProblem) -> float:
         return p.direction_scale
 
-    def gaps(self, gap: float, unit: float) -> tuple[float, float]:
-        return gap, NO_MAGNITUDE
-
     def bounds(self, p: ScaledProblem, value: float, bound: float) -> Range:
         scale = p.direction_scale
         return max(0.0, -value * scale), max(0.0, -bound * scale)  # of equals the first: no -0
@@ -273,6 +272,9 @@ class SmallestCommands(Objective):
 
     def scalar_unit(self, p: ScaledProblem) -> float:
         return p.command_unit
+
+    def gaps(self, gap: float) -> tuple[float, float]:
+        return gap, NO_COMMAND
 
     def achieved(self, witness: Witness, scalar: float) -> float:
         return self.cost(witness.grasp)

@@ -69,6 +69,7 @@ class KernelQuestion(NamedTuple):
     cost: Reals  # (n,) what is minimised, over z
     box: Reals  # (n,) |z| where programs begin
     driven: Flags  # (a,) whose command is sought
+    least: float  # command of an actuator that turns, at least, where commands are sought
     tries: bool  # are nodes split at what their children leave least, see `tree.tried`?
 
 

@@ -46,6 +46,7 @@ def search(
     endless: bool = False,
     within: Range | None = None,
     capped: bool = True,
+    least: float = 0.0,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
@@ -53,10 +54,11 @@ def search(
         near: states and their magnitudes of questions that are nearly the same: Newton's method starts from them, too.
         endless, within: see `reduce`.
         capped: may the bound be one for motions up to a cap, where there is no other?
+        least: (scaled) command of an actuator that turns, at least, where commands are sought.
     """
     LIBRARY.functions  # noqa: B018  the first search compiles, or loads what was: no search's time
     start, limits = time.monotonic(), SearchLimits(settings.timeout)
-    r = reduce(p, goal, endless=endless, within=within)
+    r = replace(reduce(p, goal, endless=endless, within=within), least=least)
     guess = [r.at_magnitude(*known) for known in near]
     if not goal.has_scalar and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [*guess, np.zeros(len(r.cost))]  # nothing acts: nothing moves
@@ -155,7 +157,7 @@ def _search(
 def _gaps(r: Reduced, goal: Objective, settings: Settings) -> tuple[float, float]:
     """Relative and absolute distance of value and bound at which a search may stop."""
     gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
-    return goal.gaps(gap, r.scale)
+    return goal.gaps(gap)
 
 
 def _to_cap(beside: Capped, goal: Objective, settings: Settings, limits: SearchLimits, found: Outcome) -> Outcome:
@@ -206,7 +208,7 @@ def _outcome(s: Search, goal: Objective, settings: Settings, limits: SearchLimit
     at_end = found is not None and first > -INF and s.best <= first + NEAR_END * abs(first)
     if not goal.has_scalar:
         value, bound = (0.0, -INF) if found else (INF, bound)
-    elif goal.seeks_commands and found and s.best <= s.gap_absolute:
+    elif goal.seeks_commands and found and (s.best <= s.gap_absolute or s.end < r.lo[0]):
         stop, bound = Stop.COMPLETE, -INF  # nothing is less than none, which needs no proof
     elif at_end:
         bound = -INF  # unbounded, as far as the search goes

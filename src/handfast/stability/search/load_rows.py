@@ -327,7 +327,7 @@ class BatchSearch:
         self._pool, self._pool_table = new_pool(room, 3 * r.sizes[0] + r.sizes[1], r.cost.shape[-1])
         self._tables = self._worker.table, self._pool_table, *self._worker.workspace.tables
         self._boxes = [r.beginning(box).box for box in r.boxes[:TRIED]]
-        self._gaps = r.goal.gaps(settings.gap * (1 - 2 * INSIDE), r.scale)
+        self._gaps = r.goal.gaps(settings.gap * (1 - 2 * INSIDE))
 
     def limit(self, settings: Settings) -> None:
         """Let other limits hold for the questions that follow; the gap stays."""

@@ -30,8 +30,9 @@ RANK = 1e-10  # relative: singular values below are none
 SOLVED = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
 TURNS = 1e-12  # (scaled) motion from which an actuator turns
 # (scaled) command of an actuator that turns without force, where commands are sought: with none at all it is locked.
-# The judge grants ten times as much.
-LEAST_COMMAND = 1e-10
+# The judge grants far more; what it misses times a motion of 10^5 is still small.
+NEXT_TO_NONE = 1e-13
+LEAST_COMMAND = 1e-6  # (scaled) the same where such a state is not proved, and one is sought in which it carries this
 # (scaled) motions and forces of the box where programs begin: far enough for most, near enough for rounding. What is
 # near for one grasp is far for another, so that a search whose programs break down begins again with the next.
 BOXES = (1e4, 1e5), (1e5, 1e3), (1e6, 1e5), (1e4, 1e3), (1e5, 1e5)
@@ -126,6 +127,7 @@ class Reduced:
         solve: (ny, e) pseudo-inverse of the equations; values, constants: base values over y. With them
             another disturbance of the same grasp is cheap, see `redirected`.
         of_torques: (e, l) what given torques are in the right-hand sides of the equations.
+        least: (scaled) command of an actuator that turns, at least, where commands are sought.
         tries: are nodes split at what their children leave least?
     """
 
@@ -157,6 +159,7 @@ class Reduced:
     constants: Array
     of_torques: Array
     cap: float = np.inf
+    least: float = 0.0
     tries: bool = False
 
     @property
@@ -209,6 +212,7 @@ class Reduced:
             cost=self.cost,
             box=self.box,
             driven=self.driven,
+            least=self.least,
             tries=self.tries,
         )
 
@@ -282,8 +286,8 @@ class Reduced:
         p, load = self.p, self.load
         turns = p.R @ x.q > TURNS
         sought = np.where(turns, np.maximum(x.f, 0.0), 0.0)
-        if (sought > LEAST_COMMAND).any(where=p.driven):
-            sought = np.where(turns, np.maximum(sought, LEAST_COMMAND), 0.0)
+        if (sought > NEXT_TO_NONE).any(where=p.driven):
+            sought = np.where(turns & (x.f > -SOLVED), np.maximum(sought, NEXT_TO_NONE), 0.0)
         f_c = np.where(p.driven, sought, load.f_a + x.scalar * load.f_b)
         wrench = p.force * (load.w_a + x.scalar * load.w_b) / p.lengths
         share = self.goal.given_share(x.scalar)

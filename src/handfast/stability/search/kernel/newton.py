@@ -37,9 +37,9 @@ RIM = 6  # the same, on the border of the cone
 HELD = 0  # commanded, t = 0, f >= f_c
 TURNS = 1  # commanded, f = f_c, t >= 0
 BALANCED = 2  # t = 0 and f = f_c
-DRIVEN = 3  # its command is what is sought: t >= 0, f >= 0 is the command
+DRIVEN = 3  # its command is what is sought: t >= 0, f is the command, `question.least` or more
 HALTED = 4  # the same with t = 0, f free
-RELEASED = 5  # the same with f = 0
+RELEASED = 5  # its command is the least: t >= 0
 
 
 @quick
@@ -293,7 +293,7 @@ def actuator(j, question, e, room):
         room.gradients[0, 3] = 1.0
         count = 1
     if mode in (TURNS, BALANCED, RELEASED):
-        room.residuals[e + count] = room.c[3 * question.m + 2 * j]
+        room.residuals[e + count] = room.c[3 * question.m + 2 * j] - (question.least if mode == RELEASED else 0.0)
         room.gradients[count, 0] = 1.0
         count += 1
     return count
@@ -359,9 +359,9 @@ def repair(question, hi, slack, across, room):
             new = HELD if across else BALANCED
         elif mode == HELD and force < -slack:
             new = TURNS if across else BALANCED
-        elif mode == DRIVEN and t < -slack:
+        elif mode in (DRIVEN, RELEASED) and t < -slack:
             new = HALTED
-        elif mode == DRIVEN and force < -slack:
+        elif mode == DRIVEN and force < question.least - slack:
             new = RELEASED
         if new != mode:
             room.drives[j] = new

@@ -401,6 +401,9 @@ def is_better(question, worker, room, gap, gap_absolute):
         worker.best_z[j] = room.z[j]
     if question.objective != ANY:
         worker.hi[0] = smaller(worker.hi[0], found - gap * abs(found) - gap_absolute)
+    none = question.least * (question.a if question.objective == SUM_OF_EFFORTS else 1)
+    if question.objective > SCALAR and found <= (1.0 + gap) * none:
+        worker.hi[0] = question.lo[0] - 1.0  # nothing is less: the search ends
     return True
 
 
@@ -428,7 +431,7 @@ def achieved(question, room):
                 if question.objective == LARGEST_EFFORT:
                     total = larger(total, room.c[3 * m + 2 * a] - left)
                 elif question.objective == SUM_OF_EFFORTS:
-                    total += room.c[effort] - left
+                    total += larger(room.c[effort] - left, 0.0)
             effort += 1
     return total
 
