@@ -1,12 +1,14 @@
-"""Cost as the work grows: contacts of a grasp, grasps of a batch, processes.
+"""Cost as the work grows: contacts of a grasp, grasps of a batch, processes, workers of a cluster.
 
-    python -m benchmarks.growth [--largest 1000]
+    python -m benchmarks.growth [--largest 1000] [--rows 200] [--only contacts grasps workers]
 
 The largest pull of random grasps (`grasps.random_case`, seeds from `FIRST` on), proofs not replayed:
 
 - `contacts`: one by one, `EACH` grasps of each size, `wrapped` from nine contacts on, `LIMIT` s each: processor time;
 - `grasps`: of three contacts in one call of `max_many`, in one process and in two: processor and wall time. From
-  `DIFFERENT` grasps on the same ones are made anew, so that nothing of them is known.
+  `DIFFERENT` grasps on the same ones are made anew, so that nothing of them is known;
+- `workers`: of one `handfast label` of `--rows` rows, by the clock, start included: with one process, with two, and
+  with two workers of a Dask cluster on this machine.
 
 Results are kept in results/growth.json; `docs/make_growth_picture.py` draws them.
 """
@@ -16,7 +18,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import statistics
+import subprocess
+import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -26,6 +29,7 @@ import numpy as np
 
 from benchmarks.batches import timed
 from benchmarks.grasps import Case, presses, random_case
+from benchmarks.label import command, dask, lines
 from benchmarks.machine import describe
 from handfast import max_many, maximum
 from handfast.stability.problem.settings import Settings
@@ -73,23 +77,46 @@ def by_grasps(count: int, jobs: int) -> dict[str, Any]:
     }
 
 
+def by_workers(rows: int) -> list[dict[str, Any]]:
+    """Seconds of a table of labels by the clock, with one process, two, and two workers of a cluster."""
+    out = []
+    with tempfile.TemporaryDirectory() as folder, dask(2) as (address, _):
+        data = Path(folder) / "data.jsonl"
+        data.write_text("\n".join(lines(rows)) + "\n")
+        for name, how in (("1", ("--jobs", "1")), ("2", ("--jobs", "2")), ("Dask, 2", ("--scheduler", address))):
+            start = time.monotonic()
+            table = Path(folder) / f"{len(out)}.jsonl"
+            subprocess.run(command(data, table, *how), check=True, stdout=subprocess.DEVNULL)
+            out.append({"workers": name, "rows": rows, "wall": time.monotonic() - start})
+    return out
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--largest", type=int, default=1_000, help="grasps of the largest batch")
+    parser.add_argument("--rows", type=int, default=200, help="labels for each kind of workers")
+    parts = ("contacts", "grasps", "workers")
+    parser.add_argument("--only", nargs="+", default=parts, choices=parts)
     options = parser.parse_args()
-    data: dict[str, Any] = {"machine": describe(), "contacts": [], "grasps": []}
+    data: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    data |= {"machine": describe()} | {part: [] for part in options.only}
     by_contacts(3)  # loads the machine code
-    for m in CONTACTS:
-        data["contacts"].append(by_contacts(m))
-        print(m, f"{statistics.median(data['contacts'][-1]['ms']):.1f} ms", data["contacts"][-1]["stopped"], flush=True)
+
+    def kept(part: str, rows: list[dict[str, Any]]) -> None:
+        data[part].extend(rows)
         RESULTS.write_text(json.dumps(data, indent=1) + "\n")
+        for row in rows:
+            print(part, {k: v for k, v in row.items() if k != "nodes"}, flush=True)
+
+    for m in CONTACTS if "contacts" in options.only else ():
+        kept("contacts", [by_contacts(m)])
     count = 10
-    while count <= options.largest:
+    while count <= options.largest and "grasps" in options.only:
         for jobs in (1, 2):
-            data["grasps"].append(by_grasps(count, jobs))
-            print(data["grasps"][-1], flush=True)
-            RESULTS.write_text(json.dumps(data, indent=1) + "\n")
+            kept("grasps", [by_grasps(count, jobs)])
         count *= 10
+    if "workers" in options.only:
+        kept("workers", by_workers(options.rows))
 
 
 if __name__ == "__main__":
