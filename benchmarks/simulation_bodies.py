@@ -64,7 +64,7 @@ def answered(grasp: Grasp, direction: Array) -> dict[str, Any]:
     for kind, ask in KINDS.items():
         for share in SHARES:
             try:
-                found = ask(grasp, share * largest * direction, ramp=RAMP)
+                found = ask(grasp, share * largest * direction, ramp=RAMP, closing=0.0)
             except InputError as fault:
                 out[f"{kind} {share}"] = {"fault": str(fault)}
                 continue

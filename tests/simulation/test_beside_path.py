@@ -89,7 +89,12 @@ def test_what_cannot_be_compared(jaw: Grasp) -> None:
 
 @pytest.mark.parametrize(
     ("closing", "loading", "fault"),
-    [(0.0, FIRST, "above 0"), (-1.0, FIRST, "above 0"), (1e5, FIRST, "at most"), (1.0, "together", "come first")],
+    [
+        (0.0, "together", "come first"),
+        (-1.0, FIRST, "above 0"),
+        (1e5, FIRST, "at most"),
+        (1.0, "together", "come first"),
+    ],
 )
 def test_bad_times_of_closing(jaw: Grasp, closing: float, loading: Loading, fault: str) -> None:
     with pytest.raises(InputError, match=fault):

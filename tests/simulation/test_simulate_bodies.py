@@ -72,6 +72,18 @@ def test_an_object_that_left_its_contacts_may_touch_the_hand_elsewhere() -> None
     assert found.points[-1] > 2
 
 
+def test_the_commands_of_bodies_grow_unless_they_are_to_act_at_once() -> None:
+    """Pressed with 1 N at once the fingers overshoot; a fingers' squeeze that grows follows the command."""
+    grasp, bodies = pinched(0.4)
+    grown, jolted = (
+        simulate_bodies(grasp, across(0.4, 0.5), ramp=0.1, bodies=bodies, closing=c).forces[:, :, 0]
+        for c in (None, 0.0)
+    )
+    assert grown.max() < 1.001
+    assert np.diff(grown[:40], axis=0).min() > 0
+    assert jolted[5].min() > 10 * grown[5].max()
+
+
 def test_on_flat_faces_a_contact_belongs_to_the_solids_on_whose_surfaces_it_lies() -> None:
     """The nearest points of plate and cube are anywhere on their faces; those of what is behind, at the contact."""
     grasp, b = pinched(0.4)

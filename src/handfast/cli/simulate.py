@@ -47,7 +47,8 @@ class Simulate(GraspOptions, Load, Reported):
     ramp: Annotated[float, arg(metavar="S")] = 8.0
     """simulated seconds over which the load grows"""
     closing: Annotated[float | None, arg(metavar="S")] = None
-    """simulated seconds over which the commands grow before the load comes; at once unless given, in 4 with --path"""
+    """simulated seconds over which the commands grow before the load comes; unless given 0, at once, with --bodies 1.5,
+    and with --path 4"""
     path: bool = False
     """follow the load's path as `max --loading preload-first` does, too, and compare contact forces load by load"""
     save: Annotated[Path | None, arg(metavar="FILE.json"), EndsIn((".json",))] = None

@@ -27,7 +27,8 @@ from handfast.stability.problem.settings import Loading as Loading
 
 SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
-CLOSING = 1.5  # [s] over which commands grow where joints rub: dry friction would keep the squeeze of a jolt
+CLOSING = 1.5  # [s] over which commands grow where joints rub, whose dry friction would keep the squeeze of a jolt,
+# and of hand and object themselves, which a jolt moves to where they touch otherwise than the grasp says
 AT_REST = PRELOAD - CLOSING  # [s] from then until the load begins
 HOLD, LONGEST = 2, 24  # [s] for the full load: at least, and at most while motion still fades
 FADES = 0.7  # a rate that is less than this share of that a second before is fading
@@ -50,14 +51,16 @@ class SimulationOptions:
             real hand does. "together": commands and load grow in proportion: the state that the model's one set of
             equations describes, which knows no history.
         ramp: [s of the twin] over which the load grows.
-        closing: [s of the twin] over which the commands grow with "preload-first". Unless given they act at once, a
-            jolt of which friction at the contacts keeps a part, or grow within 1.5 s where a joint rubs. Slowly grown
-            ones lead to the state of the commands alone from which a path begins (`check` with this loading).
+        closing: [s of the twin] over which the commands grow with "preload-first"; 0: they act at once, a jolt of which
+            friction at the contacts keeps a part. Unless given they act at once in `simulate` where no joint rubs, and
+            grow within 1.5 s otherwise. Slowly grown ones lead to the state of the commands alone from which a path
+            begins (`check` with this loading).
         step: [s of the twin] of the engine; rates by which endings are judged were measured at the default.
         stiffness: of a contact, in force units by grasp sizes; likewise.
 
     Raises:
-        InputError: times and a stiffness that are not above 0, times without end, an unknown way of loading.
+        InputError: times and a stiffness that are not above 0 (a closing may be 0), times without end, an unknown way
+            of loading.
     """
 
     loading: Loading = "preload-first"
@@ -68,7 +71,7 @@ class SimulationOptions:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
-        times = {"ramp": self.ramp} if self.closing is None else {"ramp": self.ramp, "closing": self.closing}
+        times = {"ramp": self.ramp} | ({"closing": self.closing} if self.closing else {})
         for name, value in (*times.items(), ("step", self.step), ("stiffness", self.stiffness)):
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"is {value}; a number above 0 is needed", field=name)
@@ -190,7 +193,8 @@ def simulate_bodies(
     how = {"step": asked.step, "stiffness": asked.stiffness}
     twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), **how)
     recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), asked.step, asked.seconds, on_progress)
-    recording.run(asked.ramp, preload=asked.preload_first, commands=not asked.preload_first, closing=asked.closing)
+    closing = CLOSING if asked.closing is None else asked.closing
+    recording.run(asked.ramp, preload=asked.preload_first, commands=not asked.preload_first, closing=closing)
     return recording.result(grasp, w, asked.loading, twin, asked.stiffness, bodies=True)
 
 
@@ -222,7 +226,8 @@ class Recording:
     def run(self, ramp: float, *, preload: bool, commands: bool, closing: float | None = None) -> None:
         """The commands if `preload`, within `closing` [s], then the load within `ramp` [s], then the wait for rest.
 
-        With `commands` these grow along with the load, but for the `TOUCH` of them that comes first.
+        A `closing` of 0 is at once. With `commands` these grow along with the load, but for the `TOUCH` of them that
+        comes first.
         """
         s = self.stepper
         try:
@@ -230,10 +235,10 @@ class Recording:
                 s.winding = False  # until all commands act: what closes first does not keep what it gained by that
                 if commands:
                     s.command(TOUCH)
-                slowly = closing if closing is not None or not s.rubs else CLOSING
-                if preload and slowly is not None:
+                slowly = CLOSING * s.rubs if closing is None else closing
+                if preload and slowly:
                     self._close(slowly)
-                self._go(AT_REST if preload and slowly is not None else PRELOAD, 0.0)
+                self._go(AT_REST if preload and slowly else PRELOAD, 0.0)
                 s.winding, self.before = True, len(self.history)
             if ramp:
                 self._go(ramp, 1.0, commands=commands)
