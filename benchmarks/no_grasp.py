@@ -172,6 +172,8 @@ def joined(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     `grasp` answers, whatever shows it.
     """
     for name in ("scalpel-incision", "teapot-service", "guitar-playing", "guitar-holding"):
+        if options.named not in name:
+            continue
         task = load_task(name)
         body = load_body(str(task.object))
         for limit in options.at[:1] if options.at else COMMANDS:
@@ -226,6 +228,8 @@ def edges(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     rows = {row["task"]: row for row in stored().get("edges", [])}
     for _ in range(options.questions):  # one at each edge after the other
         for name, make, ends in of_edges(options):
+            if options.named not in name:
+                continue
             row = narrowed(rows.get(name, {"task": name}), make, ends, options.each)
             rows[name] = row or rows[name]
             if row:
@@ -702,6 +706,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of each of the joined")
     parser.add_argument("--each", type=float, help="seconds of processor time for each question about an edge")
     parser.add_argument("--questions", type=int, default=2, help="at each edge, with --each")
+    parser.add_argument("--named", default="", help="only edges, and joined tasks, with this in their names")
     parser.add_argument("--at", type=float, nargs=2, help="of the joined: a limit [N m], half the edge of a block [m]")
     parser.add_argument("--tasks", type=int, default=2000)
     parser.add_argument("--held-boxes", type=int, default=64)
