@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from handfast import Loads, grasp_for
-from handfast.cli.grasp import balance_text, joined_text, missing_text
+from handfast.cli.grasp import balance_text, joined_text, missing_text, progress_text
 from handfast.planning.joined_search import ContactSetSearch
 from handfast.planning.missing import Missing, of_collision, of_contacts
 from handfast.planning.no_balance import NoBalance
@@ -125,7 +126,15 @@ def test_words() -> None:
     assert missing_text(collision, slips) == f". What is missing to discard that: {collision.words}, or {slips.words}"
 
 
-def test_an_undecided_answer_has_it() -> None:
+def test_an_undecided_answer_has_it_and_progress_says_how_far_the_proofs_are() -> None:
     answer = grasp_for(grip(0.05), walled(0.012), LIGHT, timeout=1.0, friction=0.8, jobs=1)
     if answer.joined is not None and not answer.joined.shown:
         assert answer.to_json()["joined"]["missing"]
+    search, forces = joined(grip(0.05), walled(0.012)), NoBalance(grip(0.05), LIGHT, 0.5, center=np.zeros(3))
+    search.run(300)
+    told, none = search.searched, replace(forces.searched, boxes=4, discarded=0.5, balanced=None)
+    said = progress_text(replace(answer, grasps=(), joined=told, balance=none))
+    assert said.endswith(
+        "judged; no forces at 50 % of the placements; 25 % of the configurations of left_finger discarded"
+    )
+    assert ";" not in progress_text(replace(answer, joined=None, balance=replace(none, balanced=np.zeros(4))))

@@ -113,8 +113,14 @@ SHORT = {  # reasons in a few words, for a line of progress
 
 
 def progress_text(so_far: Grasps) -> str:
-    """Where the search is."""
-    return f"{len(so_far.grasps)} of {so_far.count} found, {words.count(so_far.tally.total, 'start')} judged"
+    """Where the search is, and as long as nothing is found how far the proofs are that there is nothing."""
+    said = f"{len(so_far.grasps)} of {so_far.count} found, {words.count(so_far.tally.total, 'start')} judged"
+    if (forces := so_far.balance) is not None and forces.boxes and forces.balanced is None:
+        said += f"; no forces at {100 * forces.discarded:.3g} % of the placements"
+    if (joined := so_far.joined) is not None:
+        links = ", ".join(so_far.task.contact_pairs[k].link for k in joined.contacts)
+        said += f"; {100 * joined.discarded:.3g} % of the configurations of {links} discarded"
+    return said
 
 
 def tally_rows(tally: Tally, passed: str, reasons: Sequence[RejectionReason]) -> Iterator[tuple[str, str]]:
