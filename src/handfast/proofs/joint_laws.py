@@ -91,6 +91,7 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
     held, groups = _ties(g.l, [*g.A, *R[locked]], both)
     stops = [(j, 1.0 if lower[j] else -1.0) for j in range(g.l) if lower[j] != upper[j] and not held[j]]
 
+    alone = _rows_of_one_joint(R[one_sided], f_c[one_sided], held)
     reaction, sliders = np.zeros(g.l), []
     for rates in groups:
         rubs = [j for j in rates if g.friction[j] > 0]
@@ -98,7 +99,7 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
             continue
         along = np.zeros(g.l)
         along[rubs] = g.friction[rubs] * np.sign([rates[j] for j in rubs])
-        sense = _sense(rates, stops, R[one_sided], f_c[one_sided], held, g.stops_left)
+        sense = _sense(rates, stops, alone, g.stops_left)
         reaction += -sense * along if sense else along
         if not sense:
             sliders.append(shared(along))
@@ -128,21 +129,26 @@ def _ties(l: int, rows: list[Array], both: Mask) -> tuple[Mask, list[dict[int, f
     return held, list({id(group): group for group in groups.values()}.values())
 
 
+def _rows_of_one_joint(R: Array, f_c: Array, held: Mask) -> list[tuple[int, float]]:
+    """Of rows (., l) with commands that move one joint: which, and the only sense in which it moves."""
+    moved = (R != 0) & ~held
+    rows = np.flatnonzero(moved.sum(axis=1) == 1)
+    joints = moved[rows].argmax(axis=1)
+    senses = np.where(f_c[rows] < 0, -1.0, 1.0) * np.sign(R[rows, joints])
+    return list(zip(joints.tolist(), senses.tolist(), strict=True))
+
+
 def _sense(
-    rates: dict[int, float], stops: list[tuple[int, float]], R: Array, f_c: Array, held: Mask, left: Array
+    rates: dict[int, float], stops: list[tuple[int, float]], alone: list[tuple[int, float]], left: Array
 ) -> float:
     """In which sense of the group's rate alone, +1 or -1, a row of one of its joints lets it move; 0 if in both.
 
-    left: (l,) joints that had left their stop.
+    alone: see `_rows_of_one_joint`. left: (l,) joints that had left their stop.
     """
     for j, sign in stops:
         if j in rates and not left[j]:
             return float(sign * np.sign(rates[j]))
-    for row, command in zip(R, f_c, strict=True):
-        moved = np.flatnonzero((row != 0) & ~held).tolist()
-        if len(moved) == 1 and moved[0] in rates:
-            return float((-1.0 if command < 0 else 1.0) * np.sign(row[moved[0]]) * np.sign(rates[moved[0]]))
-    return 0.0
+    return next((float(sense * np.sign(rates[j])) for j, sense in alone if j in rates), 0.0)
 
 
 def given_torques(torque: Array, R: Array, command: Array, reaction: Array) -> list[fmpq]:

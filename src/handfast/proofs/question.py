@@ -12,9 +12,9 @@ A certificate says that no state has its scalar in a range.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -85,12 +85,12 @@ class Question:
     @cached_property
     def sought(self) -> Mask:
         """(a,) bool: the grasp's actuators whose commands are sought."""
-        return np.array([name in self.driven for name in self.grasp.actuators], dtype=bool)
+        return _named(self.grasp, self.driven)
 
     @cached_property
     def equivalent(self) -> Equivalent:
         """Mechanism and given torques that stand for the joints' laws; actuators and joints below are its."""
-        return equivalent_of(self.grasp, self.sought if self.seeks_commands else None, tuple(self.torque_limits))
+        return _equivalent(self.grasp, tuple(self.driven) if self.seeks_commands else None, tuple(self.torque_limits))
 
     @property
     def actuators(self) -> int:
@@ -208,3 +208,13 @@ def read_question(data: Any, place: str) -> Question:
     f.done()
     zero = np.zeros(6) if direction is None else direction
     return Question(g, goal, effort == "sum", wrench, zero, eta, mdp, limits, force, driven)
+
+
+def _named(grasp: GraspData, names: Collection[str]) -> Mask:
+    """(a,) bool: which of a grasp's actuators are among these."""
+    return np.array([name in names for name in grasp.actuators], dtype=bool)
+
+
+@lru_cache(maxsize=8)  # of a grasp that is asked again, or proved in several ranges
+def _equivalent(grasp: GraspData, driven: tuple[str, ...] | None, limited: tuple[str, ...]) -> Equivalent:
+    return equivalent_of(grasp, None if driven is None else _named(grasp, driven), limited)

@@ -174,9 +174,14 @@ def _found(
 ) -> Iterator[Outcome]:
     """The least commands that were found, raised by a little so that they hold by more than luck, the best first."""
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
-    found = solve(p, goal, finer, on_progress)
+    found = solve(p, goal, finer, on_progress, refuted=False)
     if found.bound == INF:
-        found = without_end(p, goal, finer, on_progress, found, clock)
+        beyond = solve(p, goal, time_left(finer, clock), on_progress, endless=True) if not clock.late else None
+        if beyond is not None and beyond.bound == INF and (beyond.verified or not settings.verify):
+            found = beyond.after(found)
+        else:  # what there is up to an end has to be proved by itself
+            first = solve(p, goal, time_left(finer, clock), on_progress)
+            found = without_end(p, goal, finer, on_progress, first, clock) if first.bound == INF else first
     if found.stop is not Stop.INTERRUPTED and found.witness is None and found.bound <= 0.0:
         # any will do, and none will not: ask for hardly any
         held = held_under(with_hardly_any(p), p, settings, found, clock)

@@ -47,6 +47,7 @@ def search(
     within: Range | None = None,
     capped: bool = True,
     least: float = 0.0,
+    refuted: bool = True,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
@@ -55,10 +56,11 @@ def search(
         endless, within: see `reduce`.
         capped: may the bound be one for motions up to a cap, where there is no other?
         least: (scaled) command of an actuator that turns, at least, where commands are sought.
+        refuted: is it proved where there is no state at all? Not if a search of a longer range follows.
     """
     LIBRARY.functions  # noqa: B018  the first search compiles, or loads what was: no search's time
     start, limits = time.monotonic(), SearchLimits(settings.timeout)
-    r = replace(reduce(p, goal, endless=endless, within=within), least=least)
+    r = replace(reduce(p, goal, endless=endless, within=within), least=least, refuted=refuted)
     guess = [r.at_magnitude(*known) for known in near]
     if not goal.has_scalar and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [*guess, np.zeros(len(r.cost))]  # nothing acts: nothing moves
@@ -213,6 +215,8 @@ def _outcome(s: Search, goal: Objective, settings: Settings, limits: SearchLimit
     elif at_end:
         bound = -INF  # unbounded, as far as the search goes
     proof, verified = None, False
+    if bound == INF and not r.refuted:
+        return Outcome(value, bound, found, stop, limits.seconds, spent + s.nodes)
     if bound > -INF:
         try:
             proof, verified = _proved(s, settings, limits)

@@ -129,6 +129,7 @@ class Reduced:
         of_torques: (e, l) what given torques are in the right-hand sides of the equations.
         least: (scaled) command of an actuator that turns, at least, where commands are sought.
         tries: are nodes split at what their children leave least?
+        refuted: is it proved where there is no state at all?
     """
 
     p: ScaledProblem
@@ -161,6 +162,7 @@ class Reduced:
     cap: float = np.inf
     least: float = 0.0
     tries: bool = False
+    refuted: bool = True
 
     @property
     def boxes(self) -> tuple[tuple[float, float], ...]:
