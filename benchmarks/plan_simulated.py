@@ -45,7 +45,7 @@ HANDS = {
     "shared/hands/barrett_hand/bhand_model.urdf": ("can", "mug"),
 }
 SAFETY, SEED = 1.5, 0
-TIMEOUT = 300.0  # [s] for a plan
+TIMEOUT = 900.0  # [s] for a plan: enough on a machine that does other things, too
 SETTLING, KEPT = 0.5, 5.5  # [s] after the lift
 HELD, REFUSED = "held", "refused"
 

@@ -10,6 +10,7 @@ import pytest
 from handfast.core.answer import Stop, Verdict
 from handfast.pictures import sentences, words
 from handfast.pictures.page_parts import table
+from handfast.readers.load_hand import load_hand
 from handfast.stability.studies.maps import Curve
 
 
@@ -66,3 +67,10 @@ def test_a_force_off_the_origin_is_told_in_newtons() -> None:
     assert words.magnitude(weight) == (2.0, "N")
     assert words.direction_text(weight) == "force along −z at (3, 4, 0) mm"
     assert words.magnitude([0, 0, 1, 0, 0, 0.1]) == (1.0, "× the direction")
+
+
+def test_commands_beyond_what_motors_can_are_told() -> None:
+    hand = load_hand("barrett-bh8-280")
+    commands = {"finger_1_prox": 5.0, "finger_2_prox": -5.1, "finger_3_prox": 6.0}
+    assert words.beyond_text(hand, commands) == "; more than the hand's file states of finger_2_prox and finger_3_prox"
+    assert words.beyond_text(hand, {"finger_1_prox": 5.0}) == ""

@@ -205,7 +205,8 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
                 again = "; --resume with more --timeout asks" if self.output else ""
                 out.print(f"Not asked of {words.count(left, 'grasp')} before {why}{again}.", style="yellow")
             for g in planned.grasps:
-                out.print(f"Preload of {planned.number(g)}: {words.preload_text(g.grasp)}", soft_wrap=True)
+                beyond = words.beyond_text(planned.hand, g.grasp.preload)
+                out.print(f"Preload of {planned.number(g)}: {words.preload_text(g.grasp)}{beyond}", soft_wrap=True)
         worst = overlaps_text(planned.tally)
         became = [(*row, worst.get(row[0], "")) for row in tally_rows(planned.tally, "kept", REASONS)]
         columns = 3 if worst else 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,6 +108,12 @@ def actuator_unit(grasp: Grasp, actuator: str) -> str:
         return "N"
     moved = [j.type for j, r in zip(grasp.joints, grasp.mechanism.R[i], strict=True) if r]
     return "N·m" if "revolute" in moved else "N"
+
+
+def beyond_text(hand: Hand, preload: Mapping[str, float]) -> str:
+    """'; more than its file states of finger_1_prox', for commands beyond the strength of motors; '' if none is."""
+    beyond = [name for name, f in preload.items() if abs(f) > hand.strengths.get(name, math.inf)]
+    return f"; more than the hand's file states of {listed(beyond)}" if beyond else ""
 
 
 def times_text(safety: float) -> str:
