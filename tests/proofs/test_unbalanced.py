@@ -14,6 +14,7 @@ from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.regions import RegionData, read_region
 from handfast.proofs.replay import Replay
+from handfast.proofs.tolerance import LEAST
 from handfast.proofs.unbalanced import BoxBounds, Motions, Placements, _positive, down, replay_unbalanced
 from handfast.readers.region_file import region_to_dict
 from tests.support.holds import square
@@ -105,6 +106,11 @@ def test_loads_may_be_summed() -> None:
     assert replayed(jaws(), loads, of_line(1, 0, a=1.0)).ok
     assert replayed(jaws(), loads, of_line(1, 0, a=0.5, b=0.5)).ok
     assert not replayed(jaws(), loads, of_line(1, 0, b=1.0)).ok
+
+
+def test_nothing_is_shown_of_loads_that_are_too_small() -> None:
+    for size, ok in ((0.1 * LEAST, False), (1e3 * LEAST, True)):
+        assert replayed(jaws(), {"w": size * weight(FAR)}, of_line(1, 0)).ok == ok
 
 
 def test_tolerance_of_states_is_granted() -> None:
@@ -323,7 +329,7 @@ def test_what_is_missing_is_known_by_hand() -> None:
         assert found.missing[0] == pytest.approx(due, abs=1e-6)
         assert (found.refuted[0], found.near[0]) == (not due, float(not due))
     mu, angle = 0.5, 0.1
-    aside = Motions(down.weights, down.line, np.array([[0, np.sin(angle), -np.cos(angle), 0, 0, 0]]))
+    aside = Motions(down.weights, down.line, 3 * np.array([[0, np.sin(angle), -np.cos(angle), 0, 0, 0]]))
     found = Placements.of(jaws(), weight([0, 0, 0])[None], mu).examined(box, aside)
     assert found.missing[0] == pytest.approx(np.sin(np.arctan(mu)) + np.sin(angle), abs=1e-6)  # of the first jaw
     assert not found.near[0]
