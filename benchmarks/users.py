@@ -2,6 +2,7 @@
 
     python -m benchmarks.users [--only WORD ...] [--count 200] [--before ../before] [--rounds 3] [--published FOLDER]
     python -m benchmarks.users --peers 3 [--peer-limit 150]
+    python -m benchmarks.users --profile [--only WORD ...] [--count 40]
 
 Every family draws its grasps by seeds of its own, `FIRST` and on, which no other script has and nothing was tuned on;
 those whose preload presses and whose largest pull is bounded count. Grasps are made anew for every run, so that
@@ -21,15 +22,19 @@ nothing of them is known yet.
 With --before, another checkout (as `git worktree add` makes it) answers the same questions turn by turn, in a process
 of its own. `times` is the median of the ratios of neighbouring turns; `same` counts answers that are equal to the last
 bit, `contradictions` those of which one cannot be true. With --peers, Algorithm 1 on Gurobi is asked the maxima of the
-first grasps of each size, as in `batches.py`: `algorithm1` is its mean time over ours of the same grasps. Times are of
-the processor, all threads. Results are kept in results/users.json.
+first grasps of each size, as in `batches.py`: `algorithm1` is its mean time over ours of the same grasps. With
+--profile nothing is kept: of each family the parts that take most of its time are printed, the compiled search as one
+of them, by Python's profiler, which makes Python's share larger than it is. Times are of the processor, all threads.
+Results are kept in results/users.json.
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
 import json
 import os
+import pstats
 import statistics
 import subprocess
 import sys
@@ -379,6 +384,29 @@ def against_peers(name: str, count: int, limit: float) -> dict[str, Any]:
     return {"grasps": count, "ours": ours, "peers": theirs}
 
 
+COMPILED = {("search.py", "_run"), ("load_rows.py", "run"), ("row_kernel.py", "run"), ("search.py", "exact_solution")}
+
+
+def profiled(name: str, count: int) -> str:
+    """The shares of the time of a family by where it is spent, the largest first."""
+    FAMILIES[name].ask(count)  # what is drawn, and loaded, is no part of it
+    profile = cProfile.Profile()
+    profile.runcall(FAMILIES[name].ask, count)
+    spent: dict[str, float] = {}
+    for (file, _, function), (*_, own, _, _) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
+        path = Path(file)
+        where = (
+            "/".join(path.parts[path.parts.index("handfast") + 1 :][:-1])
+            if "handfast" in path.parts
+            else "numpy, Python"
+        )
+        where = "compiled" if (path.name, function) in COMPILED else where
+        spent[where] = spent.get(where, 0.0) + own
+    total = sum(spent.values())
+    some = sorted(spent.items(), key=lambda item: -item[1])[:6]
+    return f"{name}: {total:.2f} s; " + ", ".join(f"{where} {seconds / total:.0%}" for where, seconds in some)
+
+
 def behind(row: dict[str, Any]) -> float:
     """How far a family is from its aim: 1 has it, 2 takes twice as long; families without a figure last."""
     family = FAMILIES[row["family"]]
@@ -423,6 +451,7 @@ def main() -> None:
     parser.add_argument("--published", type=Path, metavar="FOLDER", help="grasps of a published set, imported")
     parser.add_argument("--peers", type=int, default=0, metavar="N", help="ask Algorithm 1 on Gurobi N of each size")
     parser.add_argument("--peer-limit", type=float, default=150.0, metavar="S")
+    parser.add_argument("--profile", action="store_true", help="print where the time goes")
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.answer:
@@ -432,6 +461,10 @@ def main() -> None:
         os.environ[PUBLISHED] = str(options.published.resolve())
     asked = [name for name in FAMILIES if name.startswith(tuple(options.only))]
     names = [name for name in asked if "published" not in name or PUBLISHED in os.environ]
+    if options.profile:
+        for name in names:
+            print(profiled(name, options.count), flush=True)
+        return
     data = kept() | {"machine": describe()}
     versions: list[Version] = []
     if not options.peers:
