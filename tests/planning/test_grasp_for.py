@@ -37,7 +37,7 @@ from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
 from handfast.planning.evaluation.local_search import LocalSearch
 from handfast.planning.evaluation.steps import Gradients, Steps
 from handfast.planning.filters.non_contacting import NonContactingFingers
-from handfast.planning.question import Allowed, Requirements
+from handfast.planning.question import Allowed, PlanLimits, Requirements
 from handfast.planning.ranking import BETTER, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.search import Journal
@@ -192,6 +192,7 @@ def test_what_cannot_balance_is_never_returned() -> None:
         ({"timeout": -1.0}, "timeout: is -1; a positive number"),
         ({"seed": -1}, "seed: is -1; a number from 0 on is needed"),
         ({"actuators": ["elbow"]}, "elbow"),
+        ({"limits": PlanLimits(torque_limits={"elbow": 1.0})}, "torque limit: unknown actuator 'elbow'"),
         ({"body": load_body("jar")}, None),
     ],
 )

@@ -147,6 +147,23 @@ def test_a_command_limit_drops_what_needs_more() -> None:
     assert all(g.answer.upper <= 1e-6 for g in found.grasps)
 
 
+@pytest.mark.slow
+def test_torques_of_fingers_that_do_not_touch_may_be_limited() -> None:
+    """Grasps do not have the actuators of a finger that is idle."""
+    hand, can = load_hand("schunk-sah"), load_body("can")
+    found = plan(hand, can, count=1, seed=1, jobs=1, attempts=80, limits=PlanLimits(torque_limits=hand.strengths))
+    assert found.grasps
+    for own in (g.grasp.mechanism.actuators for g in found.grasps):
+        assert set(own) < set(hand.mechanism.actuators)
+        assert {n for g in found.grasps for n in g.answer.limits.torque_limits} <= set(own)
+    assert found.verify().ok
+
+
+def test_a_limit_of_an_actuator_that_the_hand_does_not_have_is_refused() -> None:
+    with pytest.raises(InputError, match=r"torque limit: unknown actuator 'thumb'; known: finger_1_spread"):
+        plan(HAND, ball(), limits=PlanLimits(torque_limits={"thumb": 1.0}))
+
+
 def test_loads_of_ones_own_need_no_mass() -> None:
     loads = Loads.wrench([0, 0, -1.0, 0, 0, 0])
     found = plan(HAND, ball(mass=None), count=1, attempts=60, seed=5, jobs=1, loads=loads)

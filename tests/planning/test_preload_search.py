@@ -51,6 +51,16 @@ def search(**limits: float) -> PreloadSearch:
     return PreloadSearch(BODY, Loads.gravity(BODY), PlanLimits(**limits))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("most", "holds"), [(100.0, True), (0.1, False)])
+def test_an_actuator_that_moves_no_contact_may_have_a_limit(most: float, holds: bool) -> None:
+    """The hand has it, the grasp does not; each pad presses with 0.98 N or more to carry 0.1 kg at friction 0.5."""
+    grasp, limits = clamped(jaws([0.0])), PlanLimits(torque_limits={"slide": most, "thumb": 1e-3})
+    answer, _ = PreloadSearch(BODY, Loads.gravity(BODY), limits).run(grasp, 4, clamped, ("slide",))
+    assert (answer.verdict is Verdict.HOLDS) == holds
+    assert answer.limits == limits.of_grasp(grasp)
+    assert answer.limits.torque_limits == {"slide": most}
+
+
 def test_of_many_contacts_a_part_is_asked_and_all_of_them_hold() -> None:
     grasp = clamped(jaws(TURNED))
     assert grasp.m > MANY

@@ -114,6 +114,7 @@ def grasp_for(
     for name in names:
         if name not in task.hand.mechanism.actuators:
             raise unknown_name("actuator", name, task.hand.mechanism.actuators, field="actuators")
+    o.limits.refuse_unknown(task.hand)
     friction = body.friction if o.friction is None else o.friction
     refuse_no_cone(friction, o.torsion)
     scene = Scene(task.hand, body, link_pairs(task.hand, o.ignored))

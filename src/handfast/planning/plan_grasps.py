@@ -60,6 +60,7 @@ def plan(
     o, journal = replace(options or PlanOptions(), **changes), journal or Journal()
     compared(hand, body)
     refuse_no_cone(body.friction, o.torsion)
+    o.limits.refuse_unknown(hand)
     loads = Loads.gravity(body) if loads is None else loads
     if not loads.wrenches.any():
         raise InputError("are all zero; a force or torque to hold is needed", field="loads")

@@ -53,6 +53,17 @@ class PlanLimits:
         """What `check` and `hold` take of these."""
         return GraspLimits(self.eta, self.torque_limits or {}, self.force_limit)
 
+    def of_grasp(self, grasp: Grasp) -> GraspLimits:
+        """The same of a grasp: it has no actuators that move none of its contacts, so that no torque limits these."""
+        named, own = self.torque_limits or {}, grasp.mechanism.actuators
+        return GraspLimits(self.eta, {name: most for name, most in named.items() if name in own}, self.force_limit)
+
+    def refuse_unknown(self, hand: Hand) -> None:
+        """`InputError` for a torque limit of an actuator that the hand does not have."""
+        for name in self.torque_limits or {}:
+            if name not in hand.mechanism.actuators:
+                raise unknown_name("actuator", name, hand.mechanism.actuators, field="torque limit")
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Requirements(PlanLimits):

@@ -144,7 +144,7 @@ def checking_settings_for(grasp: Grasp) -> Settings:
 
 def held(grasp: Grasp, loads: Loads, limits: PlanLimits, settings: Settings, **how: Any) -> HoldAnswer:
     """One preload for all loads; `settings` where the limits state none, `how` as in `hold`. Ctrl-C is raised."""
-    how |= {"settings": limits.settings or settings, "limits": limits.of_a_load, "loading": limits.loading}
+    how |= {"settings": limits.settings or settings, "limits": limits.of_grasp(grasp), "loading": limits.loading}
     return uninterrupted(hold(grasp, loads, **how))
 
 
@@ -162,14 +162,14 @@ def held_again(
         known: preload, lower and upper bound of its largest command.
         nodes: of the search that found it.
     """
-    how: dict[str, Any] = {"limits": limits.of_a_load, "settings": limits.settings or settings}
+    how: dict[str, Any] = {"limits": limits.of_grasp(grasp), "settings": limits.settings or settings}
     how |= {"loading": limits.loading}
     checks: list[CheckAnswer] = []
     for wrench in loads.wrenches:
         checks.append(uninterrupted(check(grasp, wrench, **how)))
         if checks[-1].verdict is not Verdict.HOLDS:
             return None
-    asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_a_load, "actuators": tuple(known[0])}
+    asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_grasp(grasp), "actuators": tuple(known[0])}
     asked |= {"loading": limits.loading}
     return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, nodes, loads, *known, tuple(checks), **asked)
 

@@ -79,7 +79,7 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
         if left <= 0:
             return answer
         settings = limits.settings or replace(settings_for(grasp), gap=GAP, timeout=left)
-        how: dict[str, Any] = {"settings": settings, "limits": limits.of_a_load, "loading": limits.loading}
+        how: dict[str, Any] = {"settings": settings, "limits": limits.of_grasp(grasp), "loading": limits.loading}
         found[name] = uninterrupted(maximum(grasp, w, **how))
     return replace(answer, margins=found)
 
@@ -97,7 +97,7 @@ def quality(answer: HoldAnswer, options: PlanOptions, clearance: float) -> Grasp
     if weakest:
         wrench = answer.loads.wrenches[answer.loads.names.index(weakest)] / options.safety
         settings = limits.settings or checking_settings_for(grasp)
-        leant = margin(grasp, wrench, settings=settings, limits=limits.of_a_load)
+        leant = margin(grasp, wrench, settings=settings, limits=limits.of_grasp(grasp))
         leans = leant.why if leant else ("motion",) if limits.loading == "together" else ()
     times = np.inf if asked is None else asked * options.safety
     return GraspQuality(float(times), weakest, leans, clearance)

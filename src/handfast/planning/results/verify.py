@@ -234,7 +234,7 @@ def _planned_fault(asked: Attempts, scene: Scene, found: PlannedGrasp) -> str:
         return "its answer is about other loads"
     if any(c.torsion != asked.options.torsion for c in grasp.contacts):
         return "its contacts have another torsion"
-    if answer.limits != limits.of_a_load:
+    if answer.limits != limits.of_grasp(grasp):
         return "its answer is within other limits"
     of_checks = [a.posed.problem.grasp for a in answer.checks if a.posed]
     own = _without_preload(grasp_file.to_dict(grasp))
