@@ -91,7 +91,8 @@ def test_what_cannot_be_compared(jaw: Grasp) -> None:
     ("closing", "loading", "fault"),
     [
         (0.0, "together", "come first"),
-        (-1.0, FIRST, "above 0"),
+        (-1.0, FIRST, "closing: is -1; 0, at once, or more"),
+        (np.nan, FIRST, "0, at once, or more"),
         (1e5, FIRST, "at most"),
         (1.0, "together", "come first"),
     ],

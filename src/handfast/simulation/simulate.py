@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
+from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds, require_not_negative
 from handfast.core.transforms import transform
 from handfast.model.grasp import Grasp
 from handfast.simulation.bodies import Bodies, BodyStepper, bodies_of, build_bodies
@@ -71,11 +71,12 @@ class SimulationOptions:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
-        times = {"ramp": self.ramp} | ({"closing": self.closing} if self.closing else {})
-        for name, value in (*times.items(), ("step", self.step), ("stiffness", self.stiffness)):
+        for name, value in (("ramp", self.ramp), ("step", self.step), ("stiffness", self.stiffness)):
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"is {value}; a number above 0 is needed", field=name)
-        for name, value in times.items():
+        closing = 0.0 if self.closing is None else self.closing
+        require_not_negative(closing, "closing", "0, at once, or more is needed")
+        for name, value in (("ramp", self.ramp), ("closing", closing)):
             if value > SLOWEST:
                 raise InputError(f"is {value:g}; at most {SLOWEST:g} s are possible", field=name)
         if self.closing is not None and self.loading != "preload-first":
