@@ -337,15 +337,14 @@ def map_sentence(answer: MapAnswer) -> str:
 
 def share_word(answer: MapAnswer | SweepAnswer) -> str:
     """The verdict, and of how many cases it is, where it is not that of all: 'slips in 3 of 21'."""
-    verdicts = [v for c in answer.judged for v in c.verdicts]
-    of = verdicts.count(answer.verdict)
-    return str(answer.verdict) + ("" if of == len(verdicts) else f" in {of} of {len(verdicts)}")
+    of, cases = answer.verdicts.count(answer.verdict), len(answer.verdicts)
+    return str(answer.verdict) + ("" if of == cases else f" in {of} of {cases}")
 
 
 def cases_text(answer: MapAnswer | SweepAnswer) -> str:
     """In how many cases something is resisted."""
-    verdicts = [v for c in answer.judged for v in c.verdicts]
-    return f"something is resisted in {verdicts.count(Verdict.HOLDS)} of {count(len(verdicts), 'case')}"
+    held, cases = answer.verdicts.count(Verdict.HOLDS), len(answer.verdicts)
+    return f"something is resisted in {held} of {count(cases, 'case')}"
 
 
 def sweep_sentence(answer: SweepAnswer) -> str:

@@ -369,9 +369,10 @@ class ContactSetSearch:
             reach[nothing] = self.collision.moves(boxes.some(nothing))
             reach = np.fmax(reach, self._by_conditions(boxes, changes))
             small = np.flatnonzero(alive & (claimed < 0) & (reach.max(axis=1) < FINEST))
-            for n in small[:1].tolist():
-                self.stuck = replace(taken[n], box=kept[n])
-                self.tried[taken[n].index] = tuple(tried[n].tolist())
+            if len(small):
+                first = int(small[0])
+                self.stuck = replace(taken[first], box=kept[first])
+                self.tried[taken[first].index] = tuple(tried[first].tolist())
             sides = reach.argmax(axis=1).tolist()
             for n, (at, k) in enumerate(zip(taken, sides, strict=True)):
                 by = int(claimed[n])

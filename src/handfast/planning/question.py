@@ -55,14 +55,12 @@ class PlanLimits:
 
     def of_grasp(self, grasp: Grasp) -> GraspLimits:
         """The same of a grasp: it has no actuators that move none of its contacts, so that no torque limits these."""
-        named, own = self.torque_limits or {}, grasp.mechanism.actuators
-        return GraspLimits(self.eta, {name: most for name, most in named.items() if name in own}, self.force_limit)
+        limits, own = self.of_a_load, grasp.mechanism.actuators
+        return replace(limits, torque_limits={name: most for name, most in limits.torque_limits.items() if name in own})
 
     def refuse_unknown(self, hand: Hand) -> None:
         """`InputError` for a torque limit of an actuator that the hand does not have."""
-        for name in self.torque_limits or {}:
-            if name not in hand.mechanism.actuators:
-                raise unknown_name("actuator", name, hand.mechanism.actuators, field="torque limit")
+        hand.mechanism.commands(dict.fromkeys(self.torque_limits or {}, 1.0), field="torque limit")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

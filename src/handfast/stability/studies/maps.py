@@ -119,7 +119,12 @@ class _Curves(Presented):
 
         Of a map, with the grasp's preload if it has one.
         """
-        return of_all([v for c in self.judged for v in c.verdicts])
+        return of_all(self.verdicts)
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """Of every case."""
+        return [v for c in self.judged for v in c.verdicts]
 
     @property
     def judged(self) -> tuple[Curve, ...]:
