@@ -98,7 +98,7 @@ def test_differences_are_told_one_by_one() -> None:
 def rebuilt(found: Grasps, task: Task, loads: Loads, asked: Requirements, preload: Callable[[float], float]) -> Data:
     """The file of a forger who computes again all that is computed, and keeps the witnesses."""
     every = []
-    for g in found.grasps:
+    for g in found.grasps[:1]:
         solution = Solution.of(task, g.solution.existence)
         bare = grasp_at(solution, g.q, contacts_at(solution, asked.friction))
         commands = {n: preload(v) for n, v in (g.answer.preload or {}).items()}
@@ -144,7 +144,7 @@ def test_what_is_changed_everywhere_does_not_balance(found: Grasps, change: dict
 DESCRIPTIVE = ("record",)
 # What is no claim but proof: another one will do as well.
 PROOFS = ("existence", "witnesses")
-MUTANTS = 125
+MUTANTS = 50  # `tools/fuzz_files.py --kinds grasps` tries any number
 
 
 def places(x: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -219,7 +219,7 @@ def test_accepted_mutants_claim_the_same(saved: Data) -> None:
             assert other or meaning(data) == meaning(saved), place
         else:
             assert not other, (place, other)
-    assert accepted >= 8
+    assert accepted >= 3
     assert refused >= MUTANTS // 2
 
 

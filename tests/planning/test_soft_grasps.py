@@ -426,9 +426,9 @@ def test_the_command_says_it(capsys: pytest.CaptureFixture[str], tmp_path: Path)
 
 @pytest.mark.slow
 def test_plans_have_soft_contacts(tmp_path: Path) -> None:
-    hand, body = load_hand("parallel-gripper"), load_body("can")
+    hand, body = load_hand("parallel-gripper"), load_body("egg")
     loads = Loads.gravity(body, ["-z"])
-    folder: PlanFolder = PlanFolder(tmp_path, "parallel-gripper", "can")
+    folder: PlanFolder = PlanFolder(tmp_path, "parallel-gripper", "egg")
     found = plan(hand, body, loads=loads, count=1, jobs=1, torsion=0.003, journal=folder, timeout=120)
     assert found.grasps
     assert {c.torsion for g in found.grasps for c in g.grasp.contacts} == {0.003}

@@ -145,8 +145,7 @@ def pinched() -> Any:
     return task, synthesize(task, count=6, timeout=None).solutions
 
 
-@pytest.mark.parametrize("torsion", [0.0, 0.005, 0.05])
-@pytest.mark.parametrize("seed", slow_after(2, range(6)))
+@pytest.mark.parametrize(("seed", "torsion"), [*enumerate([0.0, 0.005, 0.05] * 2)])
 @pytest.mark.slow
 def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(
     pinched: Any, seed: int, torsion: float
@@ -191,8 +190,8 @@ def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(
 
 @pytest.fixture(scope="module")
 def none() -> Any:
-    """19 N for both jaws; each contact alone is known to push with no more than that, which would be enough."""
-    limits = PlanLimits(torque_limits={"grip": 19.0})
+    """12 N for both jaws; each contact alone is known to push with no more than that, which would be enough."""
+    limits = PlanLimits(torque_limits={"grip": 12.0})
     return grasp_for(jaws(), BLOCK, Loads.gravity(BLOCK, "-z"), timeout=300, friction=0.5, jobs=1, limits=limits)
 
 
@@ -226,7 +225,7 @@ def forged(change: str, data: dict[str, Any]) -> None:
         case "motors without a limit":
             question["torque_limits"] = {}
         case "more friction":
-            question["friction"] = 0.52
+            question["friction"] = 0.82
         case "a stop to lean on":
             laws = {"friction": 0.0, "stiffness": 0.0, "rest": [0.0, 0.0], "stops": [0.02, None]}
             data["motors"]["laws"] = {"left_slide": laws}
@@ -241,7 +240,7 @@ def forged(change: str, data: dict[str, Any]) -> None:
         case "another ratio":
             data["task"]["hand"]["couplings"][0]["ratio"] = 0.5
         case "a lighter block":
-            question["object"]["mass"] *= 0.9
+            question["object"]["mass"] *= 0.6
 
 
 CHANGES = [

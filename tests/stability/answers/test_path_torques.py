@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,16 @@ def found(grasp: Grasp, wrench: Any, **options: Any) -> TorquesAnswer:
     return answer
 
 
+@cache
+def of_two_jaws(objective: str) -> TorquesAnswer:
+    return found(two_jaws(), [0, 0.6, 0], objective=objective)
+
+
+@cache
+def of_one_jaw() -> TorquesAnswer:
+    return found(jaw(), [0, 0.6, 0])
+
+
 def two_jaws() -> Grasp:
     """The jaw against another one that closes from +1; mu = 0.5."""
     other = GraspJoint("other", (-1, 0, 0), (1, 0, 0), (1,), "prismatic")
@@ -78,7 +89,7 @@ def test_least_commands_of_a_jaw_against_a_wall(back: float, across: float) -> N
 
 def test_the_sum_and_the_largest_of_two_jaws() -> None:
     """Either jaw alone squeezes as well as both: the other one is locked. The least sum is that of one."""
-    answer = found(two_jaws(), [0, 0.6, 0], objective="sum")
+    answer = of_two_jaws("sum")
     assert answer.upper == pytest.approx(0.6, rel=1e-2)
     assert answer.lower == pytest.approx(0.6, rel=1e-4)
     assert answer.sums_commands
@@ -202,7 +213,7 @@ def test_forged_files_are_refused() -> None:
 
 def test_a_row_of_another_case_is_refused() -> None:
     """A bound that takes all contacts for closed in every case would be the closed one's."""
-    answer = found(jaw(), [0, 0.6, 0])
+    answer = of_one_jaw()
     assert answer.bound is not None
     assert answer.sought is not None
     tree = answer.bound
@@ -232,14 +243,14 @@ def test_what_is_not_sought_is_locked_in_every_file() -> None:
 
 @pytest.mark.parametrize(("objective", "words"), [("max", "+jaw, +other (max)"), ("sum", "+jaw, +other (sum)")])
 def test_the_claim_says_whose_commands_and_what_of_them(objective: str, words: str) -> None:
-    saved = path_steps.read_path(found(two_jaws(), [0, 0.6, 0], objective=objective).to_file())
+    saved = path_steps.read_path(of_two_jaws(objective).to_file())
     (claim,) = (part.claim for part in path_steps.replay(saved).parts if part.name == "bound")
     assert claim.startswith(f"no commands of {words} hold the load on a path below ")
 
 
 @pytest.mark.parametrize("change", [{"case": 0.5}, {"part": 0.5}, {"parent": 0.5}])
 def test_a_tree_has_whole_numbers(change: dict[str, float]) -> None:
-    data = found(jaw(), [0, 0.6, 0]).to_file()
+    data = copy.deepcopy(of_one_jaw().to_file())
     for name, more in change.items():
         data["bound"][name][-1] += more
     with pytest.raises(BadFile, match="has a number that is not whole"):

@@ -69,7 +69,7 @@ def usual() -> list[tuple[float, float, int]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rest", [0.0, np.nan, -1.0, 1e300])
+@pytest.mark.parametrize("rest", [np.nan, 1e300])
 def test_the_kernel_reads_nothing_that_nobody_wrote(
     usual: list[tuple[float, float, int]], monkeypatch: pytest.MonkeyPatch, rest: float
 ) -> None:
