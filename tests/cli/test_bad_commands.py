@@ -78,6 +78,7 @@ WRONG = {
     "a hand's file for a grasp": (["max", "hand.urdf", "--direction", "0", "1", "0"], ["hand.urdf: is a hand"]),
     "a grasp for a task": (["grasp", "fig1"], ["fig1: is a bundled grasp; a task is needed"]),
     "no command": ([], ["check, max"]),
+    "an option like none": (["hold", "fig1", "--all"], ["unknown option '--all'; see handfast hold --help"]),
     "unknown option": (
         ["check", "grasp.json", "--wrnch", "0", "1", "0"],
         ["--wrnch", "did you mean --wrench?"],

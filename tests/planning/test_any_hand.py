@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from handfast import Verdict, check, load_hand
+from handfast.cli import main
 from handfast.cli.grasp import overlaps_text, starts_text
 from handfast.cli.plan import PlanGrasps
 from handfast.core.answer import Stop
@@ -234,6 +235,17 @@ def test_a_mesh_in_millimetres_is_refused_with_both_sizes(hand: Hand) -> None:
     assert "is 6 m long" in compared(hand, sized(3.0))
     for radius in (0.01, 0.05, 0.5):
         assert compared(hand, sized(radius)) == ""
+
+
+def test_a_mesh_in_millimetres_is_refused_before_it_is_taken_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("handfast.cli.load_options.load_body", lambda *_, **__: pytest.fail("was taken apart"))
+    (tmp_path / "mm.obj").write_text(
+        "v 0 0 0\nv 90000 0 0\nv 0 90000 0\nv 0 0 90000\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    )
+    assert main(["plan", "barrett-bh8-280", str(tmp_path / "mm.obj"), "--mass", "0.1"]) == 2
+    assert "mm: size: is 9e+04 m long, the hand 380 mm; a mesh in millimetres" in capsys.readouterr().err
 
 
 def sized(radius: float) -> Body:

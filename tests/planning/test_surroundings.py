@@ -65,6 +65,13 @@ def test_an_obstacle_that_the_hand_passes_on_its_way() -> None:
     assert way(beside) is not None
 
 
+def test_an_obstacle_in_the_object_is_refused() -> None:
+    body = Body.of([Shape("box", (0.03, 0.05, 0.05))], mass=0.1)
+    assert Surroundings(obstacles=[block(0.026, 0.0, 0.0)]).solids(body)  # 1 mm beside it
+    with pytest.raises(InputError, match=r"obstacle: is in the object, 5 mm deep"):
+        Surroundings(obstacles=[block(0.02, 0.0, 0.0)]).solids(body)
+
+
 def test_an_obstacle_where_fingers_close() -> None:
     assert way(Surroundings(obstacles=[block(0, 0.045, 0.02)])) is None  # in the way of the open jaw's tip
 

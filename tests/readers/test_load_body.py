@@ -59,6 +59,13 @@ def test_a_box_is_one_piece_with_its_centre_of_mass(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.ptp(body.vertices, axis=0), [0.02, 0.04, 0.06])
 
 
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No test finds pieces that another one, or the user, has kept."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "cache"))
+
+
 def test_weight_acts_at_the_centre_of_mass(tmp_path: Path) -> None:
     body = load_body(obj(tmp_path / "b.obj", ([0, 0, 0], [2, 4, 6])), mass=2.0)
     w = body.gravity_wrench([0, 0, -3], g=10)
@@ -233,6 +240,18 @@ def test_sizes_pieces_and_long_work_are_told(
     solid_of([ell_mesh(tmp_path)], "ell.obj")
     (message,) = told.messages
     assert message.startswith("ell.obj: is not convex; to take 20 triangles apart takes about 12 s of processor time,")
+
+
+def test_a_solid_is_taken_apart_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+    monkeypatch.setattr("handfast.model.mesh_pieces.decompose", lambda v, f: [seen.append(len(f)), v, v + 1][1:])
+    first = load_body(ell(tmp_path / "ell.obj")).pieces
+    again = load_body(tmp_path / "ell.obj").pieces
+    assert seen == [20]
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.vertices, b.vertices)
+    load_body(tmp_path / "ell.obj", scale=2.0)
+    assert seen == [20, 20]  # another surface
 
 
 def scrambled(path: Path) -> Path:

@@ -194,8 +194,8 @@ def _check_options(name: str, arguments: Sequence[str]) -> None:
     for word in arguments:
         option = option_of(word)
         if word.startswith("--") and len(word) > 2 and option not in known:
-            near = difflib.get_close_matches(option, known, 1)
-            hint = f"did you mean {near[0]}?" if near else f"see handfast {name} --help"
+            near = difflib.get_close_matches(option[2:], [k[2:] for k in known if k.startswith("--")], 1)
+            hint = f"did you mean --{near[0]}?" if near else f"see handfast {name} --help"
             raise InputError(f"unknown option '{option}'; {hint}", source=name)
 
 

@@ -98,13 +98,17 @@ class SceneOptions(JointLawOptions, ObjectOptions):
 
     def load_scene(self) -> tuple[Hand, Body]:
         """Hand and object."""
+        return self.load_own_hand(), self.load_object(self.object, self.scale)
+
+    def load_own_hand(self) -> Hand:
+        """The hand."""
         if ending(Path(self.hand)) in (".json", *MESHES):
             raise InputError("is an object; the hand comes first, then the object", source=self.hand)
         hand = load_hand(self.hand, root=self.root, srdf=self.srdf)
         if self.root:  # saved files load it again by its source, from anywhere
             file, _, link = hand.source.rpartition("#")
             self.hand = f"{Path(file).resolve()}#{link}"
-        return self.lawful(hand), self.load_object(self.object, self.scale)
+        return self.lawful(hand)
 
 
 def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **about: Any) -> Body:

@@ -27,10 +27,10 @@ from handfast.planning.evaluation.preload_search import SHORTEST
 from handfast.planning.evaluation.quality import largest_command
 from handfast.planning.filters.surroundings import TRAVEL, Surroundings
 from handfast.planning.plan_grasps import plan
-from handfast.planning.question import PlanOptions, compared
+from handfast.planning.question import PlanOptions, compared, compared_size
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Journal
-from handfast.readers.load_body import load_body
+from handfast.readers.load_body import load_body, mesh_facts
 from handfast.readers.load_hand import load_hand
 from handfast.readers.registry import MESHES, ending
 from handfast.stability.problem.loads import Loads
@@ -124,10 +124,14 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
         from handfast.planning.results.folder import PlanFolder
 
         begin = time.monotonic()
-        if ending(Path(self.object)) in MESHES:
+        mesh = ending(Path(self.object)) in MESHES
+        if mesh:
             self._refuse_weightless(self.mass)  # before it is taken apart
         with within(self.timeout):
-            hand, body = self.load_scene()
+            hand = self.load_own_hand()
+            if mesh and (facts := mesh_facts(Path(self.object), self.scale)):
+                compared_size(hand, max(facts["size"]), Path(self.object).stem, self.scale)
+            body = self.load_object(self.object, self.scale)
         options = replace(options, timeout=max(self.timeout - (time.monotonic() - begin), SHORTEST))
         senses = closing_senses(self.closing)
         hand = hand.with_closing(senses)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
+from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from handfast.core import kept
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, require_positive
 from handfast.core.libraries import deferred_interrupt
@@ -24,6 +26,7 @@ PATIENT = 5.0  # [s] what takes longer is said beforehand
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
 LONG = 5.0  # [m] no hand holds what is longer
 MANY = 200  # pieces
+ROUGH = 0.05  # concavity that CoACD leaves
 LOG = logging.getLogger("handfast")
 
 
@@ -160,12 +163,18 @@ def _solid_surface(vertices: Array, faces: Faces, name: str) -> Mesh:
 
 
 def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
-    """Vertices of the convex pieces of a part that is not convex, and closed."""
+    """Vertices of the convex pieces of a part that is not convex, and closed; those of an earlier time if there are."""
+    same = kept.digest(f"coacd {version('coacd')} {ROUGH}", vertices, faces)
+    pieces = kept.recalled(same)
+    if pieces:
+        return pieces
     seconds = FIRST + len(faces) / RATE
     if seconds > PATIENT:
         told = "%s: is not convex; to take %d triangles apart takes about %d s of processor time, at most %d s"
         LOG.warning(told, name, len(faces), round(seconds), SECONDS * default_jobs())
-    return decompose(vertices, faces)
+    pieces = decompose(vertices, faces)
+    kept.keep(same, pieces)
+    return pieces
 
 
 def _wound_alike(faces: Faces, name: str) -> Faces:
@@ -336,5 +345,5 @@ def _pieces(vertices: Array, faces: Faces) -> list[Array]:
         import coacd  # slow to import
 
     coacd.set_log_level("off")
-    parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=0.05, seed=0)
+    parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=ROUGH, seed=0)
     return [np.asarray(v, dtype=float) for v, _ in parts]

@@ -297,7 +297,12 @@ def compared(hand: Hand, body: Body) -> str:
     Raises:
         InputError: it is a hundred times larger or smaller.
     """
-    own, its = hand_size(hand), object_size(body)
+    return compared_size(hand, object_size(body), body.name or "", body.scale)
+
+
+def compared_size(hand: Hand, its: float, name: str, scale: float) -> str:
+    """As `compared`, of an object of which no more is known than its longest side [m] and its mesh's scale."""
+    own = hand_size(hand)
     ratio = its / own if own and its else 1.0
     if 1 / STRANGE <= ratio <= STRANGE:
         return ""
@@ -305,13 +310,13 @@ def compared(hand: Hand, body: Body) -> str:
     larger = "its mesh may be in metres already: --scale 1"
     if own > LONG:
         larger = "the hand's file may be in millimetres, and lengths of URDF and MJCF are in metres"
-    elif body.scale == 1:
+    elif scale == 1:
         larger = "its mesh may be in other units: --scale METRES says how long one is"
     help_ = smaller if ratio > 1 else larger
     sizes = f"is {_length(its)} long, the hand {_length(own)}; {help_}"
     if not 1 / ABSURD <= ratio <= ABSURD:
-        raise InputError(sizes, source=body.name or None, field="size")
-    return f"{body.name or 'the object'} {sizes}"
+        raise InputError(sizes, source=name or None, field="size")
+    return f"{name or 'the object'} {sizes}"
 
 
 def _length(metres: float) -> str:

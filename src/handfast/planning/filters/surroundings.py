@@ -50,7 +50,22 @@ class Surroundings:
             raise InputError(f"is {self.travel:g} m; a positive number is needed", field="travel")
 
     def solids(self, body: Body) -> list[Shape]:
-        """All of them, the plane as a wide box below the object's lowest point."""
+        """All of them, the plane as a wide box below the object's lowest point.
+
+        Raises:
+            InputError: an obstacle is in the object, so that no hand could take it away.
+        """
+        deep = max(
+            (
+                max(o.depth(p.triangles()[0]).max(), p.depth(o.triangles()[0]).max())
+                for o in self.obstacles
+                for p in body.pieces
+            ),
+            default=0.0,
+        )
+        if deep > CLEAR:
+            problem = f"is in the object, {1e3 * deep:.3g} mm deep; both files have the object's frame"
+            raise InputError(problem, field="obstacle")
         if self.up is None:
             return list(self.obstacles)
         up = np.asarray(self.up, dtype=float) / np.linalg.norm(self.up)

@@ -1,0 +1,60 @@
+"""Arrays that take long to compute, kept in the user's folder under the digest of what they were computed from.
+
+The folder is `handfast` in `XDG_CACHE_HOME` or `~/.cache` (Windows: `LOCALAPPDATA`), at most `MOST` files. Nothing is
+found, or kept, where others could have put a file (`trusted.py`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.trusted import exposed
+
+MOST = 300
+
+
+def digest(what: str, *arrays: np.ndarray) -> str:
+    """The name of what is computed from arrays by a method that `what` describes, its version included."""
+    out = hashlib.sha256(what.encode())
+    for a in arrays:
+        out.update(f"{a.dtype.str}{a.shape}".encode() + np.ascontiguousarray(a).tobytes())
+    return out.hexdigest()
+
+
+def recalled(name: str) -> list[Array] | None:
+    """The arrays kept under a name; None if there are none, or they are damaged."""
+    with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile):
+        path = _folder() / f"{name}.npz"
+        if exposed(path) is None:
+            with np.load(path, allow_pickle=False) as held:
+                return [held[f"arr_{i}"] for i in range(len(held.files))]
+    return None
+
+
+def keep(name: str, arrays: Sequence[Array]) -> None:
+    """Keep arrays under a name, whoever else keeps them; beyond `MOST` files those that are oldest go."""
+    folder = _folder()
+    with suppress(OSError):  # not ours to write to
+        folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+        if exposed(folder) is None:
+            draft = folder / f"{name}.{os.getpid()}"
+            with draft.open("wb") as file:
+                np.savez_compressed(file, *arrays)
+            draft.replace(folder / f"{name}.npz")
+            for old in sorted(folder.glob("*.npz"), key=os.path.getmtime)[:-MOST]:
+                old.unlink(missing_ok=True)
+
+
+def _folder() -> Path:
+    variable, usual = ("LOCALAPPDATA", "AppData/Local") if sys.platform == "win32" else ("XDG_CACHE_HOME", ".cache")
+    user = Path(os.environ.get(variable, ""))
+    return (user if user.is_absolute() else Path(os.path.expanduser("~")) / usual) / "handfast" / "pieces"
