@@ -1,12 +1,14 @@
 """Two versions of the labels against each other, grasp by grasp: processor time, and what they say of each.
 
     git worktree add ../before REVISION
-    python -m benchmarks.label_versions ../before . [--allegro HAND.urdf] [--each 14]
+    python -m benchmarks.label_versions ../before . [--allegro HAND.urdf] [--each 14] [--published FOLDER]
 
 Grasps are those of the published set with 3 to 5 contacts, with a mass, and the first ones of `grasp_dataset` of each
 hand and object, with as many contacts as they have. Each version labels them in a process of its own, one after the
-other, so that other work on the machine hits both alike. Ratios are of single grasps; what differs is counted: bounds
-that contradict each other, verdicts, numbers that are open in one version only. Adds to results/label.json.
+other, so that other work on the machine hits both alike. With --published, grasps of an imported set (`handfast import
+... -o FOLDER`) in place of these: every fourth, from the fourth on, which come without commands. Ratios are of single
+grasps; what differs is counted: bounds that contradict each other, verdicts, numbers that are open in one version
+only. Adds to results/label.json.
 """
 
 from __future__ import annotations
@@ -74,6 +76,12 @@ def texts(allegro: str, each: int) -> Iterator[tuple[str, str]]:
                 yield "dataset", json.dumps(file_dict(scene.grasp(PosedRow(**named), row["name"], GraspChanges())))
 
 
+def imported(folder: Path) -> Iterator[tuple[str, str]]:
+    """Those of a set that was imported."""
+    for file in sorted(folder.glob("*.grasp.json"))[3::4]:
+        yield "imported", json.dumps(json.loads(file.read_text()))
+
+
 def started(checkout: Path) -> subprocess.Popen[str]:
     path = os.pathsep.join(map(str, (checkout / "src", Path(__file__).resolve().parents[1])))
     command = [sys.executable, str(Path(__file__).resolve()), "--answer"]
@@ -121,6 +129,7 @@ def main() -> None:
     parser.add_argument("checkouts", nargs="*", type=Path, help="before, after")
     parser.add_argument("--allegro", default="", help="URDF of the vendor; without it there is the Barrett hand alone")
     parser.add_argument("--each", type=int, default=14, help="dataset grasps of each hand and object")
+    parser.add_argument("--published", type=Path, metavar="FOLDER", help="an imported set")
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.answer:
@@ -129,7 +138,8 @@ def main() -> None:
     before, after = (started(checkout.resolve()) for checkout in args.checkouts)
     counts: Counter[str] = Counter()
     times: dict[str, list[tuple[float, float]]] = {}
-    for number, (family, text) in enumerate(texts(args.allegro, args.each)):
+    chosen = imported(args.published) if args.published else texts(args.allegro, args.each)
+    for number, (family, text) in enumerate(chosen):
         said = {}
         for process in (before, after) if number % 2 else (after, before):
             assert process.stdin
@@ -155,7 +165,8 @@ def main() -> None:
             "median of ratios": float(np.median(t[:, 1] / t[:, 0])),
         }
     known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    RESULTS.write_text(json.dumps(known | {"versions": found}, indent=1) + "\n")
+    name = "versions, imported" if args.published else "versions"
+    RESULTS.write_text(json.dumps(known | {name: found}, indent=1) + "\n")
     print(json.dumps(found, indent=1))
 
 

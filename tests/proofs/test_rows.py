@@ -344,6 +344,11 @@ def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said()
     none = np.zeros((1, 3, 3), dtype=np.int64)
     assert fine(preload, (0.0, 1.0), 1.0)
     assert not fine(preload, (0.0, 1.0), 0.999)
+    assert not fine(preload, (0.0, np.inf), 1.0)
+    locked = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"friction": 0.1}], **direction)
+    none = np.zeros((1, 2 + locked.actuators, 3), dtype=np.int64)
+    assert fine(locked, (0.0, np.inf), 0.0)  # friction takes, however large it is
+    none = np.zeros((1, 3, 3), dtype=np.int64)
     sprung = pinch(
         [0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"torque": 0.1}], preload={"a": 1.0}, **direction
     )

@@ -104,10 +104,10 @@ class Layout(Generic[Group]):
 
 
 class Block(Generic[Group]):
-    """The arrays of a group in one piece of memory that nobody has written to yet, and their table."""
+    """The arrays of a group in one piece of memory, by default one that nobody has written to yet, and their table."""
 
-    def __init__(self, layout: Layout[Group]) -> None:
-        self.layout, self.memory = layout, np.empty(layout.size)
+    def __init__(self, layout: Layout[Group], memory: Reals | None = None) -> None:
+        self.layout, self.memory = layout, np.empty(layout.size) if memory is None else memory
         self.table: Indices = layout.table.copy()
         self.table[:, 0] += self.memory.ctypes.data
 

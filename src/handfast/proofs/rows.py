@@ -190,12 +190,13 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
 def _energy_holds(q: Question, scalar: Range | None, rows: LeafRows) -> Mask:
     """(R,) does the balance of energy hold: w . r + f_c . t + g . q = sum of c_n^2 and what (6), (7) take?
 
-    With a scalar, larger commands put in more, as t >= 0; what acts on joints takes energy, or is not said. Where the
-    scalar multiplies the load, or commands are sought, the work put in is no linear function of the unknowns.
+    With a scalar, larger commands put in more, as t >= 0; what acts on joints takes energy, or is not said. Without
+    commands the scalar makes no difference. Where it multiplies the load, or commands are sought, the work put in is no
+    linear function of the unknowns.
     """
     if not q.mdp or q.goal in (LARGEST, TORQUES) or (q.homogeneous and q.equivalent.drives):
         return np.zeros(len(rows.kind), dtype=bool)
-    if scalar is None or not len(rows.references):
+    if scalar is None or not len(rows.references) or not q.load.f_b.any():
         return np.ones(len(rows.kind), dtype=bool)
     top = rows.references[np.where(rows.kind == Row.ENERGY, rows.index, 0), q.grasp.m]
     return np.asarray(top >= scalar[1])

@@ -15,6 +15,7 @@ from handfast.measures.catalogue import CATALOGUE
 from handfast.measures.measuring import measure
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import from_dict
+from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import check, maximum, torques
 from tests.support.labelled import MASS, fixture, heavy
 from tests.support.problems import pinch
@@ -181,16 +182,34 @@ def test_what_no_commands_hold() -> None:
 def test_commands_that_hold_are_never_below_the_largest_that_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the search for the smallest ends early those of the row take their place; an open end is empty."""
     far = LeastCommands(np.array([0.5, 0.5]), 0.0)
-    monkeypatch.setattr(Questions, "commands", lambda self, wrench: far)
+    monkeypatch.setattr(Questions, "commands", lambda self, wrench, rough: far)
     said = held(pinch(torque=0.1))
     assert (said["commands"], said["largest_command"], said["largest_command_lower"]) == ([0.1, 0.1], 0.1, None)
     near = LeastCommands(None, 0.0)  # none were found for the hardest direction, but one preload for all
-    monkeypatch.setattr(Questions, "commands", lambda self, wrench: near)
+    monkeypatch.setattr(Questions, "commands", lambda self, wrench, rough: near)
     weak = held(pinch(torque=0.01))
     assert weak["held_by"] == "others"
     assert weak["commands"] == weak["holding_commands"]
     assert weak["largest_command"] == np.max(weak["holding_commands"])
     assert weak["largest_command_lower"] is None
+
+
+def test_least_commands_are_rough_where_no_commands_hold_another_direction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is said of them is true all the same: 0.049 N m for 0.49 N across the fingers."""
+    grasp, asked = pinch(torque=0.01).about(mass=0.05, center_of_mass=(0, 0, 0)), list[float]()
+
+    def counted(*given: object, settings: Settings, **how: object) -> object:
+        asked.append(settings.gap)
+        return torques(*given, settings=settings, **how)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Questions, "resisted_by_none", lambda self, loads, order: (1, {}))
+    monkeypatch.setattr("handfast.datasets.labels.questions.torques", counted)
+    said = label(grasp, Labelling(directions=1, gravity=((0, 1.0, 0), (1.0, 0, 0))))
+    assert (said["held_by"], said["hardest"]) == ("none", [0, 1, 0])
+    assert asked == [0.1]
+    assert said["largest_command_lower"] <= 0.05 * 9.81 / 10 * (1 + 1e-9)
+    assert said["largest_command"] * (1 + 1e-9) >= 0.05 * 9.81 / 10
+    assert said["largest_command"] <= 1.1 * said["largest_command_lower"] * (1 + 1e-9)
 
 
 def test_where_no_commands_hold_one_direction_it_is_the_hardest_and_least_commands_are_not_sought(

@@ -35,8 +35,16 @@ def tendons(g: Grasp) -> Grasp:
     )
 
 
-def test_a_node_limit_holds_for_every_row() -> None:
-    """What the kernel does not finish within the limit is undecided, and says so; without a limit all are decided."""
+def rubbing(g: Grasp) -> Grasp:
+    """All motors are locked but the first, in whose place the joint rubs."""
+    drives = g.mechanism
+    joints = tuple(replace(joint, friction=0.02) for joint in g.joints)
+    return Grasp(g.contacts, joints, Mechanism(drives.actuators[1:], drives.R[1:], drives.A, (False,) * (drives.a - 1)))
+
+
+def test_a_node_limit_holds_for_every_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the kernel does not finish within the limit is open, and says so; without a limit all are decided."""
+    monkeypatch.setattr(batch, "_alone", lambda *given: pytest.fail("asked again"))
     g = solved(4, 8).grasp
     W = loads(g, 8, seed=3)
     free, limited = (max_many(g, W, settings=Settings(verify=False, nodes=n)) for n in (np.inf, 3.0))
@@ -46,6 +54,20 @@ def test_a_node_limit_holds_for_every_row() -> None:
     assert stopped.sum() >= 4
     assert (limited.nodes[stopped] <= 100).all()  # a search finishes the slice that it has begun
     assert (limited.upper[stopped] >= free.lower[stopped]).all()
+    assert (limited.lower <= free.upper * (1 + 1e-9)).all()
+    assert (limited.verdict[stopped & (limited.lower == 0)] == "undecided").all()
+
+
+def test_a_maximum_at_its_limit_of_nodes_has_what_was_found_so_far() -> None:
+    D = np.vstack([np.eye(6), -np.eye(6)])
+    free, limited = (max_many(load_grasp("fig1"), D, settings=Settings(verify=False, nodes=n)) for n in (np.inf, 150.0))
+    stopped = limited.stop == "nodes"
+    assert stopped.sum() >= 4
+    assert (limited.nodes[stopped] <= 300).all()
+    assert (limited.upper >= free.lower).all()
+    assert (limited.lower <= free.upper).all()
+    assert (limited.lower[stopped] > 0).any()
+    assert ((limited.verdict == "holds") == (limited.lower > 0)).all()
 
 
 def loads(g: Grasp, count: int, seed: int = 0) -> np.ndarray:
@@ -119,7 +141,7 @@ def test_what_slips_is_replayed_unless_that_is_switched_off() -> None:
     assert (down.verdict[0], down.upper[0], down.verified[0]) == ("slips", 0.0, True)
 
 
-@pytest.mark.parametrize("g", [hand(), solved(3, 4).grasp, solved(4, 8).grasp])
+@pytest.mark.parametrize("g", [hand(), solved(3, 4).grasp, solved(4, 8).grasp, rubbing(solved(4, 8).grasp)])
 def test_what_slips_at_every_magnitude_is_told_together(g: Grasp, monkeypatch: pytest.MonkeyPatch) -> None:
     """However small it is; a search by itself says the same of each."""
     g = g.with_friction(0.05)

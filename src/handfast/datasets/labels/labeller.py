@@ -194,7 +194,8 @@ def _under_gravity(
     # of those that are resisted equally little the hardest is one that no commands resist
     least = (most[order[0]].lower, most[order[0]].upper)
     worst = lost if lost is not None and (most[lost].lower, most[lost].upper) == least else order[0]
-    smallest = LeastCommands(None, np.inf) if worst == lost else ask.commands(loads[worst])
+    # commands that hold no other direction need not be the least
+    smallest = LeastCommands(None, np.inf) if worst == lost else ask.commands(loads[worst], rough=lost is not None)
     if lost is None:
         resisting |= {k: ask.grasp.preload for k, verdict in enumerate(verdicts) if verdict is Verdict.HOLDS}
         held_by, holding = _held_by(ask, loads, all_hold(verdicts), worst, smallest, resisting)

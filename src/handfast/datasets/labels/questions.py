@@ -121,20 +121,23 @@ class Questions:
             self._count_row(found, i, out[k] is not Verdict.UNDECIDED)
         return out
 
-    def commands(self, wrench: Array, motors: tuple[str, ...] | None = None) -> LeastCommands:
+    def commands(self, wrench: Array, motors: tuple[str, ...] | None = None, *, rough: bool = False) -> LeastCommands:
         """The smallest commands that resist a disturbance (6,), of the motors that the grasp commands, else of all.
 
         On a path none are sought.
 
         Args:
             motors: others in place of these.
+            rough: is it enough to know them roughly? What a limit leaves open does not count as open then.
         """
         if unbalanced(self.grasp, wrench) or not (motors or self.grasp.sought_actuators):
             return LeastCommands(None, np.inf)
         if self.along_paths:
             return LeastCommands(None, 0.0)
-        answer = torques(self.grasp, wrench, actuators=motors, settings=self._limited(1))
-        self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
+        settings = self._roughly(self._limited(1)) if rough else self._limited(1)
+        answer = torques(self.grasp, wrench, actuators=motors, settings=settings)
+        stop = Stop.COMPLETE if rough and answer.stop is Stop.NODES else answer.stop
+        self._count(stop, answer.nodes, rough or answer.verdict is not Verdict.UNDECIDED)
         if answer.preload is None:
             return LeastCommands(None, answer.lower)
         return LeastCommands(self.grasp.with_commands(answer.preload).command, answer.lower)
@@ -190,7 +193,7 @@ class Questions:
         for motors in dict.fromkeys((own, free)):
             settings = self._limited(len(wrenches))
             asked: dict[str, Any] = {"least": False, "known": resisting, "settings": settings, "loading": self.loading}
-            asked["bounding"] = replace(settings, gap=max(ROUGH, settings.gap), nodes=min(settings.nodes, BRIEF))
+            asked["bounding"] = self._roughly(settings)
             answer = hold(self.grasp, loads, actuators=motors, timeout=len(wrenches) * settings.timeout, **asked)
             self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
             found = answer.verdict
@@ -219,6 +222,11 @@ class Questions:
         left = (self.seconds - (time.monotonic() - self._begin)) / max(count, 1)
         nodes = max((self.budget - self.nodes) / max(count, 1), FEWEST)
         return replace(self.settings, timeout=max(left, LEAST), nodes=min(self.settings.nodes, nodes))
+
+    @staticmethod
+    def _roughly(settings: Settings) -> Settings:
+        """For commands that need not be the least."""
+        return replace(settings, gap=max(ROUGH, settings.gap), nodes=min(settings.nodes, BRIEF))
 
     def _count_row(self, found: BatchAnswer, i: int, closed: bool) -> None:
         if found.error[i]:  # questions that cannot be asked were left out before: Ctrl-C came first

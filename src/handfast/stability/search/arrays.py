@@ -34,7 +34,7 @@ ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
 COUNTS = NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES, SETTLED = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 
 # what became of a row that is one of many, see `kernel.batch_loop`
-UNASKED, HELD, NONE, HARD = 0, 1, 2, 3
+UNASKED, HELD, NONE, HARD, LIMITED = 0, 1, 2, 3, 4
 
 KEPT = 64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
 PATCH = 22  # numbers of a patch, see `kernel.patch`
@@ -176,7 +176,7 @@ class QuestionRows(NamedTuple):
     mix: Reals  # (unknown forces,)
     plain: RealMatrix  # (F, unknown forces) C without it
     noise: Reals  # (unknown forces,) what it prefers among equals
-    status: Wholes  # (k,) `UNASKED` to `HARD`
+    status: Wholes  # (k,) `UNASKED` to `LIMITED`
     nodes: Wholes  # (k,)
     z: RealMatrix  # (k, n) the solution
     best: Reals  # (k,) its objective

@@ -15,6 +15,7 @@ arrays have one more axis in front, and the kernel is asked row by row.
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask, times, transposed, transposed_times
-from handfast.core.groups import kinds, table, whole_vectors
+from handfast.core.groups import Block, kinds, table, whole_vectors
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
@@ -30,7 +31,7 @@ from handfast.stability.problem.model import StateRows
 from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
-from handfast.stability.search.arrays import CHILDREN, HARD, HELD, NONE, UNASKED, QuestionRows
+from handfast.stability.search.arrays import CHILDREN, HARD, HELD, LIMITED, NONE, UNASKED, QuestionRows, pool_layout
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.reduced import (
     PERTURBATION,
@@ -42,7 +43,7 @@ from handfast.stability.search.reduced import (
     pseudo_inverse,
     reduce,
 )
-from handfast.stability.search.search import SLICE, SPARE, SearchWorker, new_pool
+from handfast.stability.search.search import SLICE, SPARE, SearchWorker
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,8 +295,9 @@ class FoundRows:
 
     Attributes:
         held, none, hard: (k,) bool: a state was found, there is none, or a whole search is needed.
+        limited: (k,) bool: a whole search would end there, too; the best state is the best so far, if it is finite.
         nodes: (k,).
-        states: of those that held; the others' mean nothing. scalar: (k,) theirs, scaled.
+        states: of those that have one; the others' mean nothing. scalar: (k,) theirs, scaled.
         best, cut: (k,) the objective of the state, and no state has a smaller one than the cut.
         at_end: (k,) bool: is the objective at the end of its range?
     """
@@ -303,6 +305,7 @@ class FoundRows:
     held: Mask
     none: Mask
     hard: Mask
+    limited: Mask
     nodes: Indices
     states: StateRows
     scalar: Array
@@ -324,27 +327,27 @@ class BatchSearch:
         self._lines = tables(self._question)
         room = CHILDREN * (BUDGET + SLICE) + SPARE
         self._worker = SearchWorker.of(r, heap=room)
-        self._pool, self._pool_table = new_pool(room, 3 * r.sizes[0] + r.sizes[1], r.cost.shape[-1])
-        self._tables = self._worker.table, self._pool_table, *self._worker.workspace.tables
+        self._tree = pool_layout(room, 3 * r.sizes[0] + r.sizes[1], r.cost.shape[-1])
         self._boxes = [r.beginning(box).box for box in r.boxes[:TRIED]]
         self._gaps = r.goal.gaps(settings.gap * (1 - 2 * INSIDE))
 
     def limit(self, settings: Settings) -> None:
         """Let other limits hold for the questions that follow; the gap stays."""
-        self.budget = int(min(BUDGET, settings.nodes))
+        self.budget, self.nodes = int(min(BUDGET, settings.nodes)), float(settings.nodes)
 
     def ask(self, loads: LoadRows) -> FoundRows:
         """Answers for these loads, each with what those before it showed."""
         rows = self.template.rows(loads)
         rows.status[~loads.solvable] = HARD
         self.run(rows)
-        rows.z[rows.status != HELD] = 0.0
+        rows.z[~np.isfinite(rows.best)] = 0.0
         states, scalar = self.template.states(loads, rows.z)
         status = rows.status
         return FoundRows(
             status == HELD,
             status == NONE,
             status == HARD,
+            status == LIMITED,
             rows.nodes,
             states,
             scalar,
@@ -360,17 +363,30 @@ class BatchSearch:
         """
         of_rows = tables(apart(rows) if self.template.of_many else rows) if lines is None else lines[None]
         refused = rows.status == HARD
+        tree = Block(self._tree, _scratch(self._tree.size))
+        tables_ = self._worker.table, tree.table, *self._worker.workspace.tables
         for box in self._boxes:
             self._question.box[:] = box
             asked = np.flatnonzero(rows.status == UNASKED).tolist() if self.template.of_many else [0]
             for i in asked:
-                ask = self._lines[i], *self._tables, of_rows[i], *self._gaps, INSIDE * self.gap, self.budget
+                ask = self._lines[i], *tables_, of_rows[i], *self._gaps, INSIDE * self.gap, self.budget, self.nodes
                 LIBRARY.functions.ask_rows(*ask)
             again = (rows.status == HARD) & ~refused & (rows.nodes < self.budget)
             if not again.any():
                 return
             rows.status[again] = UNASKED
         rows.status[again] = HARD
+
+
+_MEMORY = threading.local()
+
+
+def _scratch(size: int) -> Array:
+    """(size or more,) memory of this thread for one run: pages that are new take longer than most runs."""
+    if len(getattr(_MEMORY, "tree", ())) < size:
+        _MEMORY.tree = np.empty(size)
+    tree: Array = _MEMORY.tree
+    return tree
 
 
 def tables(group: tuple[Any, ...]) -> Indices:

@@ -29,7 +29,7 @@ LIBRARY = Library(
         "refined": EntryPoint(f"{_KERNEL}.newton", (KernelQuestion, WorkerState, Refinement, float, bool)),
         "ask_rows": EntryPoint(
             f"{_KERNEL}.batch_loop",
-            (KernelQuestion, WorkerState, Pool, *_WORKSPACE, QuestionRows, float, float, float, int),
+            (KernelQuestion, WorkerState, Pool, *_WORKSPACE, QuestionRows, float, float, float, int, float),
         ),
     },
     sources=(

@@ -331,7 +331,7 @@ def reduce(
     inverse = inverse if about is None else inverse @ about
     Y = transposed(Vt[..., rank:, :])
     of_forces = _force_bounds(p, goal, at, endless, within)
-    of_motions = _motion_bounds(p, goal, endless, cap)
+    of_motions = _motion_bounds(p, goal, endless and bool(load.f_b.any()), cap)
     plain = of_forces + of_motions
     V, constants = _force_rows(p, goal, load, at, active, of_forces)
     D = _motion_rows(p, load, active, of_motions)
@@ -496,12 +496,15 @@ def _force_bounds(
     return plain + [_PlainBound("twist", k, -np.inf, np.inf) for k in range(len(p.soft))]
 
 
-def _motion_bounds(p: ScaledProblem, goal: Objective, endless: bool, cap: float) -> list[_PlainBound]:
-    """Bounds of motions, if they have a cap; places of the turning of soft fingers, and of the balance of energy."""
+def _motion_bounds(p: ScaledProblem, goal: Objective, unlimited: bool, cap: float) -> list[_PlainBound]:
+    """Bounds of motions, if they have a cap; places of the turning of soft fingers, and of the balance of energy.
+
+    unlimited: may commands be as large as they like?
+    """
     plain = [_PlainBound("motion", i, -cap, cap) for i in range(6 + p.J.shape[1])] if cap < np.inf else []
     plain += [_PlainBound("turning", k, -np.inf, np.inf) for k in range(len(p.soft))]
     bounded = goal.bounds_energy and not (goal.homogeneous and p.equivalent.drives)
-    if p.mdp and bounded and not endless:  # for `rows.ENERGY`
+    if p.mdp and bounded and not unlimited:  # for `rows.ENERGY`
         plain += [_PlainBound("energy", i, -np.inf, np.inf) for i in range(2)]
     return plain
 

@@ -377,21 +377,26 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
         if len(rows) <= FEW and kernel is None:
             continue
         kernel = kernel or kernel_of(options.limits)
-        found = kernel.ask(grasp, goal, part.wrenches[rows], part.base[rows], options.settings)
-        if found is None:
-            continue
-        for name, values in found.columns.items():
-            part[name][rows[found.rows]] = values[found.rows]
-        left[rows] = ~found.rows
-        if options.query == "max":
-            held = np.flatnonzero(found.rows & (found.columns["lower"] > 0))
-            near |= {int(rows[k]): (found.states.row(int(k)), float(found.columns["lower"][k])) for k in held}
+        for farther in (True, False):
+            W, B = part.wrenches[rows], part.base[rows]
+            found = kernel.ask(grasp, goal, W, B, options.settings, farther=farther)
+            if found is None:
+                break
+            for name, values in found.columns.items():
+                part[name][rows[found.rows]] = values[found.rows]
+            left[rows] = ~found.rows
+            if options.query == "max":
+                held = np.flatnonzero(found.rows & (found.columns["lower"] > 0))
+                near |= {int(rows[k]): (found.states.row(int(k)), float(found.columns["lower"][k])) for k in held}
+            rows = rows[found.endless]
     rows = np.flatnonzero(left).tolist()
     paths = kernel.paths if kernel else PathsFromRest(options.limits)
+    known = dict.fromkeys(rows, 0)  # states that a row was asked with
     for k, i in enumerate(rows if options.along_paths else [*rows, *reversed(rows), *rows]):
         again = k >= len(rows)
-        if again and part["stop"][i] != Stop.NUMERICAL:
+        if again and (part["stop"][i] != Stop.NUMERICAL or known[i] == len(near)):
             continue
+        known[i] = len(near) if again else 0
         start = time.monotonic()
         answer: Answer
         try:

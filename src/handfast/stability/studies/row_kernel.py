@@ -34,11 +34,13 @@ class SettledRows(NamedTuple):
     Attributes:
         columns: of `BatchAnswer`, by name. rows: (k,) bool, those that they answer.
         states: (k,) at the lower bounds of maxima; those of other rows mean nothing.
+        endless: (k,) bool, maxima that are resisted farther than a search for one goes.
     """
 
     columns: dict[str, Any]
     rows: Mask
     states: StateRows
+    endless: Mask
 
 
 class RowKernel:
@@ -78,10 +80,15 @@ class RowKernel:
         held = judge.residuals(grasp, w[None], states, eta=self.limits.eta).worst[0] <= VALID
         return (states.row(0), nodes) if held else None
 
-    def ask(self, grasp: AnyGrasp, goal: Objective, W: Array, B: Array, settings: Settings) -> SettledRows | None:
+    def ask(
+        self, grasp: AnyGrasp, goal: Objective, W: Array, B: Array, settings: Settings, *, farther: bool = True
+    ) -> SettledRows | None:
         """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so.
 
-        grasp: of all rows, or of each its own.
+        Args:
+            grasp: of all rows, or of each its own.
+            farther: may magnitudes beyond the usual end be sought with the others? Without commands that takes no more
+                nodes, and shows at once what slips; what is `endless` then is to be asked again without.
 
         Raises:
             Uneven: the equations of some of many grasps have a lower rank.
@@ -90,15 +97,18 @@ class RowKernel:
             return None
         start = time.monotonic()
         of_max = goal != ANY_STATE
-        search = self._search(grasp, goal, W[0], B[0], settings)
+        farther &= goal == SMALLEST_PRELOAD and not grasp.command.any() and not settings.verify
+        reach = _reach(grasp) if farther else 0.0
+        search = self._search(grasp, goal, W[0], B[0], settings, reach)
         if search is None:
             return None
         loads = search.template.loads(B if of_max else W, W if of_max else None, grasp)
         found = search.ask(loads)
         out = (self._maxima if of_max else self._checks)(search.template, loads, found, W, B, settings)
-        if goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
+        if farther:
+            _slip(out, np.flatnonzero(found.none))
+        elif goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
             self._slipping(out, np.flatnonzero(found.none), grasp, W, B, settings)
-        out.columns.setdefault("stop", np.full(len(W), str(Stop.COMPLETE)))
         out.columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
         return out
 
@@ -142,27 +152,34 @@ class RowKernel:
             "nodes": found.nodes,
             "stop": np.where(limited, str(Stop.NODES), str(Stop.COMPLETE)),
         }
-        return SettledRows(columns, held | slips | limited, found.states)
+        return SettledRows(columns, held | slips | limited, found.states, np.zeros(len(W), bool))
 
     def _maxima(
         self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
     ) -> SettledRows:
-        """Columns of these maxima, and which rows are settled: those where a magnitude was found."""
-        scale, states = loads.direction_scale, found.states
+        """Columns of these maxima, and which rows are settled: with a magnitude, or at the limit of a search."""
+        scale, states, homogeneous = loads.direction_scale, found.states, template.reduced.goal == SMALLEST_PRELOAD
+        limited = found.limited & homogeneous  # else the base load by itself may be resisted
+        there = found.held | (limited & np.isfinite(found.best))
         with np.errstate(all="ignore"):
-            if template.reduced.goal == SMALLEST_PRELOAD:
-                lower, upper = scale / found.scalar, scale / found.cut
+            if homogeneous:
+                lower, upper = scale / found.scalar, np.where(found.cut > 0, scale / found.cut, np.inf)
                 states = states.times(1.0 / found.scalar)
             else:
                 lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
-        unbounded = lower >= loads.last_magnitude * (1 - NEAR_END)
-        good = found.held & np.isfinite(lower) & (lower > 0)
+        unbounded = there & (lower >= loads.last_magnitude * (1 - NEAR_END))
+        good = there & np.isfinite(lower) & (lower > 0)
         residual = self._residuals(loads.grasp, good, B + np.where(good, lower, 0.0)[:, None] * W, states)
-        good &= residual <= VALID
-        verdict = np.full(len(W), str(Verdict.HOLDS))
+        endless = unbounded & (template.reach > 1.0)
+        good &= (residual <= VALID) & ~endless
+        none = limited & ~good & ~endless
+        lower, residual = np.where(none, 0.0, lower), np.where(none, np.nan, residual)
+        verdict = np.where(none, str(Verdict.UNDECIDED), str(Verdict.HOLDS))
         upper = np.where(unbounded | found.at_end, np.inf, upper)
-        columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded, "residual": residual}
-        return SettledRows(columns | {"verified": unbounded, "nodes": found.nodes}, good, states)
+        columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded & good}
+        columns |= {"residual": residual, "verified": unbounded & good, "nodes": found.nodes}
+        columns["stop"] = np.where(limited, str(Stop.NODES), str(Stop.COMPLETE))
+        return SettledRows(columns, good | none, states, endless)
 
     def _slipping(
         self, out: SettledRows, none: Indices, grasp: AnyGrasp, W: Array, B: Array, settings: Settings
@@ -173,17 +190,12 @@ class RowKernel:
         be resisted: see `solve.without_end`. What it would find there, or not, is left to it.
         """
         grasp = grasp.rows(none) if isinstance(grasp, GraspRows) else grasp
-        reach = 1.0 if isinstance(grasp, Grasp) and runs_away(grasp) else FARTHER
-        search = self._search(grasp, SMALLEST_PRELOAD, W[0], B[0], settings, reach)
+        search = self._search(grasp, SMALLEST_PRELOAD, W[0], B[0], settings, _reach(grasp))
         if search is None:
             return
         found = search.ask(search.template.loads(B[none], W[none], grasp))
         out.columns["nodes"][none] += found.nodes
-        slips = none[found.none]
-        out.rows[slips] = True
-        said = {"verdict": str(Verdict.SLIPS), "residual": np.nan, "verified": False}
-        for name, value in (said | {"lower": 0.0, "upper": 0.0, "unbounded": False}).items():
-            out.columns[name][slips] = value
+        _slip(out, none[found.none])
 
     def _residuals(self, grasp: AnyGrasp, there: Mask, W: Array, states: StateRows) -> Array:
         """(k,) the worst residuals of those states that are there, NaN for the others."""
@@ -192,3 +204,16 @@ class RowKernel:
             grasp = grasp.rows(there) if isinstance(grasp, GraspRows) else grasp
             out[there] = judge.residuals(grasp, W[there], states.rows(there), eta=self.limits.eta).worst
         return out
+
+
+def _reach(grasp: AnyGrasp) -> float:
+    """So many times farther than searches end it is looked for what is resisted of a direction that seems to slip."""
+    return 1.0 if isinstance(grasp, Grasp) and runs_away(grasp) else FARTHER
+
+
+def _slip(out: SettledRows, rows: Indices) -> None:
+    """Settle rows of which nothing is resisted at any magnitude."""
+    out.rows[rows] = True
+    said = {"verdict": str(Verdict.SLIPS), "residual": np.nan, "verified": False}
+    for name, value in (said | {"lower": 0.0, "upper": 0.0, "unbounded": False}).items():
+        out.columns[name][rows] = value

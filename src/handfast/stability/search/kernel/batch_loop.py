@@ -1,14 +1,15 @@
 """Many questions about one grasp in turn, compiled: each row of `QuestionRows` is put into the question and searched.
 
 What differs between rows is the load: constants of the forces, bounds, two rows of motions, and where a disturbance
-is sought one column of forces. A row whose search does not end as it should is left to a whole search (`HARD`).
+is sought one column of forces. A row whose search does not end as it should is left to a whole search (`HARD`), but
+for one that is as long as that may be (`LIMITED`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from handfast.core.compiled import inner, smaller
+from handfast.core.compiled import inner, larger, smaller
 from handfast.stability.search.arrays import (
     ANY,
     COUNTS,
@@ -19,6 +20,7 @@ from handfast.stability.search.arrays import (
     HARD,
     HEAP,
     HELD,
+    LIMITED,
     NODES,
     NONE,
     PREFERENCE,
@@ -37,15 +39,17 @@ NEAREST = 2  # solutions of rows before, from which Newton's method is tried fir
 TOLERANCE = 1e-6  # (scaled) below which motions and forces of theirs count as none
 SLICE = 64  # nodes between two looks at how many programs fail,
 MANY, TROUBLE = 128, 0.2  # from so many on: this share is too much
+CLOSING, WIDER, CUTS = 1e-6, 50.0, 4  # relative distance of the first cut that is to close what waits; of the next
 NEAR_END = 1e-6  # relative: an objective so near the first of its range is at its end
 
 
 @inner
-def ask_rows(question, worker, pool, kept, node, work, room, rows, gap, gap_absolute, inside, budget):
+def ask_rows(question, worker, pool, kept, node, work, room, rows, gap, gap_absolute, inside, budget, limit):
     """Ask the rows that are unasked.
 
     The other groups are those of `tree.run`; question and worker are written over. inside: by which share a solution
-    with a scalar is moved off the largest one, see `front._inside`. budget: nodes for one row.
+    with a scalar is moved off the largest one, see `front._inside`. budget: nodes that are expanded for one row. limit:
+    of its nodes, for a whole search.
     """
     for i in range(rows.status.shape[0]):
         if rows.status[i] != UNASKED:
@@ -56,8 +60,12 @@ def ask_rows(question, worker, pool, kept, node, work, room, rows, gap, gap_abso
             rows.nodes[i] = 0
         else:
             begin(question, worker, pool, kept)
-            rows.status[i] = searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, budget)
+            ends = gap, gap_absolute, budget, limit
+            rows.status[i] = searched(question, worker, pool, kept, node, work, room, *ends)
             rows.nodes[i] = worker.counts[NODES] + 1
+            if rows.status[i] == HARD and question.objective == SCALAR and rows.nodes[i] >= limit:
+                rows.status[i] = LIMITED
+                close_waiting(question, worker, pool, kept, node, work, room, gap, gap_absolute)
         rows.best[i] = worker.best[0]
         rows.cut[i] = worker.hi[0] if worker.hi.shape[0] > 0 else 0.0
         for j in range(worker.best_z.shape[0]):
@@ -160,7 +168,7 @@ def begin(question, worker, pool, kept):
 
 
 @inner
-def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, budget):
+def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, budget, limit):
     """`HELD`, `NONE` or `HARD`: what a search from its root shows."""
     spent = 0
     close = budget < 0
@@ -174,7 +182,7 @@ def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, 
         failed = worker.counts[RESTARTS] + worker.counts[DROPS] + worker.counts[FAILURES]
         if why != ENOUGH:
             break
-        if spent >= budget or (nodes >= MANY and failed >= TROUBLE * nodes):
+        if spent >= budget or nodes >= limit or (nodes >= MANY and failed >= TROUBLE * nodes):
             return HARD
     if why == ROOM:
         return HARD
@@ -182,6 +190,39 @@ def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, 
         if pool.status[k] == UNRESOLVED:
             return HARD
     return HELD if worker.best[0] < np.inf else NONE
+
+
+@inner
+def close_waiting(question, worker, pool, kept, node, work, room, gap, gap_absolute):
+    """Close all that waits by a cut below its bounds, as `Search.close` does; -inf is the cut if none does."""
+    used = worker.counts[USED]
+    low = worker.hi[0]
+    for k in range(used):
+        if pool.status[k] == WAITING or pool.status[k] == UNRESOLVED:
+            low = smaller(low, pool.bound[k])
+    margin = CLOSING
+    for _ in range(CUTS):
+        cut = low - margin * larger(abs(low), margin)
+        if not (cut >= question.lo[0] and cut < np.inf):
+            break
+        count = 0
+        for k in range(used):
+            if pool.status[k] == WAITING or pool.status[k] == UNRESOLVED:
+                pool.status[k] = WAITING
+                pool.key[k] = 0.0
+                worker.heap[count] = k
+                count += 1
+        worker.counts[HEAP] = count
+        worker.hi[0] = smaller(cut, worker.hi[0])
+        if run(question, worker, pool, kept, node, work, room, gap, gap_absolute, used, True) == ROOM:
+            break
+        unresolved = 0
+        for k in range(used):
+            unresolved += pool.status[k] == UNRESOLVED
+        if unresolved == 0:
+            return
+        margin *= WIDER
+    worker.hi[0] = -np.inf
 
 
 @inner

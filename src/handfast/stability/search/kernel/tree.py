@@ -114,7 +114,8 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
         pool.bound[this] = value
         return False
     pool.status[this] = SPLIT
-    pool.data[this, n] = worker.hi[0] if question.objective != ANY else 0.0
+    # commands of the balance of energy; without an end there are none in it
+    pool.data[this, n] = worker.hi[0] if question.objective != ANY and worker.hi[0] < np.inf else 0.0
     for i in range(n):
         pool.data[this, i] = work.z[i]
     for i in range(question.m):  # for the children
