@@ -23,8 +23,9 @@ With --before, another checkout (as `git worktree add` makes it) answers the sam
 of its own. `times` is the median of the ratios of neighbouring turns; `same` counts answers that are equal to the last
 bit, `contradictions` those of which one cannot be true. With --peers, Algorithm 1 on Gurobi is asked the maxima of the
 first grasps of each size, as in `batches.py`: `algorithm1` is its mean time over ours of the same grasps. With
---profile nothing is kept: of each family the parts that take most of its time are printed, the compiled search as one
-of them, by Python's profiler, which makes Python's share larger than it is. Times are of the processor, all threads.
+--profile the parts that take most of a family's time are kept as its `profile`, the compiled search as one of them, and
+which questions of a label they belong to, by Python's profiler, which makes Python's share larger than it is. Times are
+of the processor, all threads.
 Results are kept in results/users.json.
 """
 
@@ -387,24 +388,30 @@ def against_peers(name: str, count: int, limit: float) -> dict[str, Any]:
 COMPILED = {("search.py", "_run"), ("load_rows.py", "run"), ("row_kernel.py", "run"), ("search.py", "exact_solution")}
 
 
-def profiled(name: str, count: int) -> str:
-    """The shares of the time of a family by where it is spent, the largest first."""
+QUESTIONS = ("largest", "held", "commands", "resisted_by_none", "one_preload", "measured")  # of a label
+
+
+def profiled(name: str, count: int) -> dict[str, Any]:
+    """The shares of the time of a family by where it is spent, the largest first; of labels by question as well."""
     FAMILIES[name].ask(count)  # what is drawn, and loaded, is no part of it
     profile = cProfile.Profile()
     profile.runcall(FAMILIES[name].ask, count)
     spent: dict[str, float] = {}
-    for (file, _, function), (*_, own, _, _) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
+    asked: dict[str, float] = {}
+    for (file, _, function), (*_, own, below, _) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
         path = Path(file)
         where = (
             "/".join(path.parts[path.parts.index("handfast") + 1 :][:-1])
             if "handfast" in path.parts
             else "numpy, Python"
         )
+        if where == "datasets/labels" and function in QUESTIONS:
+            asked[function] = below
         where = "compiled" if (path.name, function) in COMPILED else where
         spent[where] = spent.get(where, 0.0) + own
     total = sum(spent.values())
-    some = sorted(spent.items(), key=lambda item: -item[1])[:6]
-    return f"{name}: {total:.2f} s; " + ", ".join(f"{where} {seconds / total:.0%}" for where, seconds in some)
+    some, of = ({k: x / total for k, x in sorted(d.items(), key=lambda item: -item[1])[:6]} for d in (spent, asked))
+    return {"seconds": total, "grasps": count, "where": some} | ({"questions": of} if of else {})
 
 
 def behind(row: dict[str, Any]) -> float:
@@ -462,8 +469,12 @@ def main() -> None:
     asked = [name for name in FAMILIES if name.startswith(tuple(options.only))]
     names = [name for name in asked if "published" not in name or PUBLISHED in os.environ]
     if options.profile:
+        data = kept()
         for name in names:
-            print(profiled(name, options.count), flush=True)
+            row = data["families"].setdefault(name, {"family": name})
+            row["profile"] = profiled(name, options.count)
+            print(name, json.dumps(row["profile"]), flush=True)
+        RESULTS.write_text(json.dumps(data, indent=1) + "\n")
         return
     data = kept() | {"machine": describe()}
     versions: list[Version] = []
@@ -474,14 +485,14 @@ def main() -> None:
     for name in names:
         row = data["families"].get(name, {"family": name})
         if versions:
-            peers = {k: row[k] for k in ("algorithm1", "peers") if k in row}
+            peers = {k: row[k] for k in ("algorithm1", "peers", "profile") if k in row}
             row = measured(name, versions, options.rounds) | peers
         elif FAMILIES[name].is_ratio:
             row["peers"] = against_peers(name, options.peers, options.peer_limit)
             spent = [p["seconds"] for p in row["peers"]["peers"] if p["seconds"] is not None]
             row["algorithm1"] = statistics.fmean(spent) / row["peers"]["ours"]
         data["families"][name] = row
-        print(json.dumps({k: v for k, v in row.items() if k != "peers"}), flush=True)
+        print(json.dumps({k: v for k, v in row.items() if k not in ("peers", "profile")}), flush=True)
         RESULTS.write_text(json.dumps(data, indent=1) + "\n")
     print(table([row for row in data["families"].values() if "mean_ms" in row]))
     for version in versions:

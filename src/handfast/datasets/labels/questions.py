@@ -128,16 +128,19 @@ class Questions:
 
         Args:
             motors: others in place of these.
-            rough: is it enough to know them roughly? What a limit leaves open does not count as open then.
+            rough: is it enough to know some, which need not be the least? Nothing counts as open then.
         """
         if unbalanced(self.grasp, wrench) or not (motors or self.grasp.sought_actuators):
             return LeastCommands(None, np.inf)
         if self.along_paths:
             return LeastCommands(None, 0.0)
-        settings = self._roughly(self._limited(1)) if rough else self._limited(1)
-        answer = torques(self.grasp, wrench, actuators=motors, settings=settings)
-        stop = Stop.COMPLETE if rough and answer.stop is Stop.NODES else answer.stop
-        self._count(stop, answer.nodes, rough or answer.verdict is not Verdict.UNDECIDED)
+        settings = self._limited(1)
+        if rough:
+            answer = torques(self.grasp, wrench, actuators=motors, settings=self._roughly(settings))
+            self._count(Stop.COMPLETE if answer.stop is Stop.NODES else answer.stop, answer.nodes, closed=True)
+        if not rough or answer.verdict is Verdict.UNDECIDED:
+            answer = torques(self.grasp, wrench, actuators=motors, settings=settings)
+            self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
         if answer.preload is None:
             return LeastCommands(None, answer.lower)
         return LeastCommands(self.grasp.with_commands(answer.preload).command, answer.lower)
@@ -231,7 +234,8 @@ class Questions:
     def _count_row(self, found: BatchAnswer, i: int, closed: bool) -> None:
         if found.error[i]:  # questions that cannot be asked were left out before: Ctrl-C came first
             raise KeyboardInterrupt
-        self._count(Stop(str(found.stop[i])), int(found.nodes[i]), closed)
+        stop, nodes = Stop(str(found.stop[i])), int(found.nodes[i])  # one at its limit has a slice more
+        self._count(stop, min(nodes, int(self._together.settings.nodes)) if stop is Stop.NODES else nodes, closed)
 
     def _count(self, stop: Stop, nodes: int, closed: bool) -> None:
         if stop is Stop.INTERRUPTED:  # half a label is none

@@ -60,12 +60,11 @@ def ask_rows(question, worker, pool, kept, node, work, room, rows, gap, gap_abso
             rows.nodes[i] = 0
         else:
             begin(question, worker, pool, kept)
-            ends = gap, gap_absolute, budget, limit
-            rows.status[i] = searched(question, worker, pool, kept, node, work, room, *ends)
+            rows.status[i] = searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, budget)
             rows.nodes[i] = worker.counts[NODES] + 1
-            if rows.status[i] == HARD and question.objective == SCALAR and rows.nodes[i] >= limit:
+            ends = rows.status[i] == HARD and question.objective == SCALAR and rows.nodes[i] >= limit
+            if ends and closed(question, worker, pool, kept, node, work, room, gap, gap_absolute):
                 rows.status[i] = LIMITED
-                close_waiting(question, worker, pool, kept, node, work, room, gap, gap_absolute)
         rows.best[i] = worker.best[0]
         rows.cut[i] = worker.hi[0] if worker.hi.shape[0] > 0 else 0.0
         for j in range(worker.best_z.shape[0]):
@@ -168,7 +167,7 @@ def begin(question, worker, pool, kept):
 
 
 @inner
-def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, budget, limit):
+def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, budget):
     """`HELD`, `NONE` or `HARD`: what a search from its root shows."""
     spent = 0
     close = budget < 0
@@ -182,7 +181,7 @@ def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, 
         failed = worker.counts[RESTARTS] + worker.counts[DROPS] + worker.counts[FAILURES]
         if why != ENOUGH:
             break
-        if spent >= budget or nodes >= limit or (nodes >= MANY and failed >= TROUBLE * nodes):
+        if spent >= budget or (nodes >= MANY and failed >= TROUBLE * nodes):
             return HARD
     if why == ROOM:
         return HARD
@@ -193,8 +192,8 @@ def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, 
 
 
 @inner
-def close_waiting(question, worker, pool, kept, node, work, room, gap, gap_absolute):
-    """Close all that waits by a cut below its bounds, as `Search.close` does; -inf is the cut if none does."""
+def closed(question, worker, pool, kept, node, work, room, gap, gap_absolute):
+    """Does a cut below the bounds of what waits close all of it, as in `Search.close`? It is the worker's then."""
     used = worker.counts[USED]
     low = worker.hi[0]
     for k in range(used):
@@ -220,9 +219,9 @@ def close_waiting(question, worker, pool, kept, node, work, room, gap, gap_absol
         for k in range(used):
             unresolved += pool.status[k] == UNRESOLVED
         if unresolved == 0:
-            return
+            return True
         margin *= WIDER
-    worker.hi[0] = -np.inf
+    return False
 
 
 @inner
