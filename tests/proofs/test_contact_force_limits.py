@@ -85,6 +85,7 @@ def test_what_is_not_limited() -> None:
     assert np.isinf(limits(task, most, motors=tendon)).all()
 
 
+@pytest.mark.slow
 def test_a_stop_beside_the_joint_ranges_of_the_task_carries_too() -> None:
     """30 um off its stop a slide stands at it, as `JointLaw.stop` says of all within 0.1 mm: it carries any force.
 

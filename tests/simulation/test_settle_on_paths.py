@@ -106,6 +106,7 @@ def replace_contacts(placed: GraspInScene, keep: str) -> Any:
     return Grasp([g.contacts[i] for i in kept], joints, g.mechanism, g.preload, g.name)
 
 
+@pytest.mark.slow
 def test_both_grasps_are_asked_on_paths_and_the_file_says_so() -> None:
     found = settle(pinched(), 0.6 * BACK, loading="preload-first", follow=True)
     assert found.after is not None

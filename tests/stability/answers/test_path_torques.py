@@ -138,6 +138,7 @@ def test_bounds_grow_with_the_load(s: float) -> None:
     assert other.upper == pytest.approx(s * one.upper, rel=2e-2)
 
 
+@pytest.mark.slow
 def test_units_frames_and_order_change_nothing() -> None:
     load, length, force = np.array([-0.6, 0.6, 0, 0, 0, 0]), 1000.0, 0.25
     R, shift = Rotation.random(random_state=3).as_matrix(), np.array([0.3, -0.1, 0.2])

@@ -148,6 +148,7 @@ def test_limits_are_kept() -> None:
 FIXTURES = {"table": table(), "nest": nest(), "one corner": table(0.4, 1)}
 
 
+@cache
 def states() -> list[Witness]:
     """States planted at random, and what checks of fixtures find, which leave more freedom."""
     out = []

@@ -347,7 +347,7 @@ def test_ctrl_c_during_a_search_ends_the_batch(monkeypatch: pytest.MonkeyPatch) 
     assert found.error.tolist() == ["", *[batch.INTERRUPTED] * 4]
 
 
-@pytest.mark.parametrize("length", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("length", [1e-6, 1e3])
 @pytest.mark.slow
 def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
     """However long the direction is given, the force resisted is the same 2.2222 N, and so is its proof."""
