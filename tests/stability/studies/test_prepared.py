@@ -81,13 +81,13 @@ def test_a_question_has_one_answer_to_the_last_bit(loading: Any) -> None:
     assert loading != "together" or check(g, holds, **asked).exact
     assert _told(maximum(g, holds, **asked)) == _told(prepare(g, **asked).maximum(holds))
     some = Loads.wrench(holds, "up")
+    assert hold(g, some, **asked).preload == prepare(g, **asked).hold(some).preload
     if loading == "together":
         some += Loads.wrench([0, 0, 0.4], "side")
-    assert hold(g, some, **asked).preload == prepare(g, **asked).hold(some).preload
-    steps = 4 if loading == "together" else 1
-    drawn = force_map(g, "xy", steps=steps, **asked), prepare(g, **asked).map("xy", steps=steps)
-    np.testing.assert_array_equal(*(m.passive.upper for m in drawn))
-    if loading == "together":
+        assert hold(g, some, **asked).preload == prepare(g, **asked).hold(some).preload
+        drawn = force_map(g, "xy", steps=4, **asked), prepare(g, **asked).map("xy", steps=4)
+        np.testing.assert_array_equal(*(np.r_[m.passive.upper, m.preloaded.upper] for m in drawn))
+        assert drawn[0].passive.upper[0] == pytest.approx(2.0, rel=2e-3)  # the limit of forces
         assert _told(torques(g, holds, **asked)) == _told(prepare(g, **asked).torques(holds))
         assert _told(check(g, holds, mdp=False, **asked)) == _told(prepare(g, **asked).check(holds, mdp=False))
 
