@@ -69,6 +69,12 @@ def test_check_page_has_verdict_forces_and_residuals(grasp: Grasp, tmp_path: Pat
     assert '<div class="warning">' not in text
 
 
+def test_titles_break_rather_than_widen_a_page(grasp: Grasp, tmp_path: Path) -> None:
+    write_report(tmp_path / "a.html", grasp, [])
+    style = (tmp_path / "a.html").read_text()
+    assert re.search(r"\bh1\b[^{}]*\{[^}]*overflow-wrap: anywhere", style)
+
+
 def test_a_page_is_the_same_every_time(grasp: Grasp, tmp_path: Path) -> None:
     entry = Entry("Does it resist 1 N?", check(grasp, Y, settings=QUICK))
     for name in ("a.html", "b.html"):
