@@ -9,7 +9,7 @@ from copy import copy
 import numpy as np
 import pytest
 
-from handfast.core.groups import Block, Layout
+from handfast.core.groups import Block, Layout, Reals
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search import arrays
@@ -75,8 +75,8 @@ def test_the_kernel_reads_nothing_that_nobody_wrote(
 ) -> None:
     made = Block.__init__
 
-    def filled(self: Block, layout: Layout) -> None:
-        made(self, layout)
+    def filled(self: Block, layout: Layout, memory: Reals | None = None) -> None:
+        made(self, layout, memory)
         self.memory[:] = rest
 
     monkeypatch.setattr(Block, "__init__", filled)
@@ -90,7 +90,7 @@ def test_the_kernel_writes_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None
     mark, between, blocks = 1.25e67, 16, []
     made = Block.__init__
 
-    def marked(self: Block, layout: Layout) -> None:
+    def marked(self: Block, layout: Layout, memory: Reals | None = None) -> None:  # in memory of its own: it is larger
         apart = copy(layout)
         apart.table, apart.fields, apart.size = layout.table.copy(), {}, between
         for line, (name, (dtype, begin, end, shape)) in zip(apart.table, layout.fields.items(), strict=True):
