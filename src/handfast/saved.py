@@ -102,6 +102,10 @@ def _of_one(path: Path, replay: bool, how: How) -> Replay:
     asks = _asks_again(data) if replay else None
     if asks:
         return asks(data, how)
+    if isinstance(data, dict) and data.get("schema") == "handfast/grasp/1":
+        raise InputError(
+            "is a grasp, which claims nothing; an answer is needed, such as the .hold.json that plan puts beside it"
+        )
     if isinstance(data, dict) and data.get("schema") in SEALED:  # before a proof that takes its time
         from handfast.synthesis.embedded_task import refuse_broken
 

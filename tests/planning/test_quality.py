@@ -12,6 +12,7 @@ import pytest
 from benchmarks.simulation_floor import pinch
 from handfast import Verdict, check, load_body, load_hand, maximum, verify
 from handfast.cli.plan import PlanGrasps
+from handfast.core.errors import InputError
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
 from handfast.planning.evaluation.quality import GraspQuality, largest_command
 from handfast.planning.plan_grasps import plan
@@ -23,6 +24,12 @@ from handfast.simulation.bodies import Bodies
 from handfast.stability.problem.loads import Loads
 
 SAFETY = 1.5
+
+
+def test_a_safety_below_one_would_not_hold_the_loads_themselves() -> None:
+    with pytest.raises(InputError, match=r"safety: is 0\.5: the loads themselves would not be held"):
+        PlanOptions(safety=0.5)
+    assert PlanOptions(safety=1.0).safety == 1.0
 
 
 @pytest.fixture(scope="module")

@@ -1,14 +1,12 @@
 """Arrays that take long to compute, kept in the user's folder under the digest of what they were computed from.
 
-The folder is `handfast` in `XDG_CACHE_HOME` or `~/.cache` (Windows: `LOCALAPPDATA`), at most `MOST` files. Nothing is
-found, or kept, where others could have put a file (`trusted.py`).
+The folder has at most `MOST` files. Nothing is found, or kept, where others could have put a file (`trusted.py`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -17,7 +15,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.trusted import exposed
+from handfast.core.trusted import exposed, user_cache
 
 MOST = 300
 
@@ -55,6 +53,4 @@ def keep(name: str, arrays: Sequence[Array]) -> None:
 
 
 def _folder() -> Path:
-    variable, usual = ("LOCALAPPDATA", "AppData/Local") if sys.platform == "win32" else ("XDG_CACHE_HOME", ".cache")
-    user = Path(os.environ.get(variable, ""))
-    return (user if user.is_absolute() else Path(os.path.expanduser("~")) / usual) / "handfast" / "pieces"
+    return user_cache() / "pieces"

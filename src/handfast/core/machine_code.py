@@ -30,7 +30,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from handfast.core.errors import InputError
-from handfast.core.trusted import exposed, trusted
+from handfast.core.trusted import exposed, trusted, user_cache
 
 CORE = Path(__file__).parent
 OWN_SOURCES = tuple(CORE / name for name in ("compiled.py", "compiler.py", "groups.py", "machine_code.py"))
@@ -178,11 +178,7 @@ class Library:
 
     def folders(self) -> tuple[Path, ...]:
         """Where machine code is kept: with the package, or if that is not ours to write to, with the user."""
-        variable, usual = ("LOCALAPPDATA", "AppData/Local") if sys.platform == "win32" else ("XDG_CACHE_HOME", ".cache")
-        user = Path(os.environ.get(variable, ""))
-        if not user.is_absolute():  # the XDG specification: to be ignored. What the current folder holds is anybody's
-            user = Path(os.path.expanduser("~")) / usual
-        return tuple(folder for folder in (self.home, user / "handfast") if folder.is_absolute())
+        return tuple(folder for folder in (self.home, user_cache()) if folder.is_absolute())
 
 
 def loaded(code: bytes, entries: Mapping[str, tuple[type, ...]]) -> Any:

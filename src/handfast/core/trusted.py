@@ -63,3 +63,13 @@ def _kept_by(folder: os.stat_result, entry: os.stat_result) -> bool:
     """Whether nobody but the user and root can put something else in the place of an entry of a folder."""
     ours = (0, os.geteuid())
     return trusted(folder) or bool(folder.st_uid in ours and folder.st_mode & stat.S_ISVTX and entry.st_uid in ours)
+
+
+def user_cache() -> Path:
+    """The folder `handfast` in the user's cache: of `XDG_CACHE_HOME`, `~/.cache`, or on Windows `LOCALAPPDATA`.
+
+    A variable that is relative is ignored, as the XDG specification asks: what the current folder holds is anybody's.
+    """
+    variable, usual = ("LOCALAPPDATA", "AppData/Local") if sys.platform == "win32" else ("XDG_CACHE_HOME", ".cache")
+    user = Path(os.environ.get(variable, ""))
+    return (user if user.is_absolute() else Path(os.path.expanduser("~")) / usual) / "handfast"

@@ -124,7 +124,8 @@ class SearchOptions:
             disturbance: the command line asks for 1.5.
 
     Raises:
-        InputError: a count or a time that is not positive, a negative seed or torsion, torsion with uncertain normals.
+        InputError: a count or a time that is not positive, a safety below 1, a negative seed or torsion, torsion with
+            uncertain normals.
     """
 
     count: int = 1
@@ -139,6 +140,10 @@ class SearchOptions:
         refuse_other_kinds(self)
         refuse_no_positive({"count": self.count, "timeout": self.timeout, "safety": self.safety})
         refuse_no_positive({"command_limit": self.limits.command_limit})
+        if self.safety < 1:
+            raise InputError(
+                f"is {self.safety:g}: the loads themselves would not be held; 1 or more is needed", field="safety"
+            )
         refuse_negative(self.seed)
         require_not_negative(self.torsion, "torsion", "a coefficient of torsional friction is 0 or more [m]")
         if self.torsion and self.limits.eta:
