@@ -9,8 +9,8 @@ those whose preload presses and whose largest pull is bounded count. Grasps are 
 nothing of them is known yet.
 
 - `many`: one maximum each of `--count` grasps in one call of `max_many`, one core;
-- `prepare`: a grasp made ready and asked its first load, which it resists: in one call of `check_many` for all
-  (`batch`), and by `prepare` one by one (`alone`);
+- `prepare`: grasps of one shape made ready together, no load asked (`rows`); a grasp made ready and asked its first
+  load, which it resists: in one call of `check_many` for all (`batch`), and by `prepare` one by one (`alone`);
 - `next`: a prepared grasp under a load that changes slowly and holds (judged by the equations, or with its exact state
   proved: `next proved`), or slips (with its proof replayed); medians of each grasp;
 - `dense`: six maxima of a grasp of 8 to 12 contacts, one by one, proofs not replayed;
@@ -39,7 +39,7 @@ import pstats
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -57,8 +57,12 @@ from handfast.datasets.labels.label_columns import WRENCHES, wrench_column
 from handfast.datasets.labels.labeller import Labelling, center_of, force_at, label
 from handfast.model.grasp import Grasp
 from handfast.papers.stability_tables import task_questions
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.grasp_rows import GraspRows, shape_of
+from handfast.stability.problem.objective import ANY_STATE
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import Settings
+from handfast.stability.search.load_rows import BatchSearch, Template
 
 RESULTS = Path(__file__).parent / "results" / "users.json"
 HERE = Path(__file__).parents[1]
@@ -166,6 +170,26 @@ def prepared_together(m: int) -> Callable[[int], Measured]:
         grasps, W = first_loads(m, count)
         found, spent = timed(lambda: check_many(grasps, W, settings=QUICK, jobs=1))
         return Measured([spent / count], [verdict_alone(v) for v in np.ravel(found.verdict)])
+
+    return ask
+
+
+def made_ready(m: int) -> Callable[[int], Measured]:
+    """What `check_many` makes of fresh grasps before it asks a load: scales, null spaces, rows; a shape at a time."""
+
+    def ask(count: int) -> Measured:
+        shapes: dict[Hashable, list[Grasp]] = {}
+        for case in bounded(m, count):
+            shapes.setdefault(shape_of(case.grasp), []).append(case.grasp)
+        many = [some for some in shapes.values() if len(some) > 1]  # a single one is prepared by itself
+
+        def prepared() -> None:
+            for some in many:
+                BatchSearch(Template.of_grasps(GraspRows.of(some), ANY_STATE, GraspLimits()), QUICK)
+
+        _, spent = timed(prepared)
+        count = sum(map(len, many))
+        return Measured([spent / count], [verdict_alone("prepared")] * count)
 
     return ask
 
@@ -286,6 +310,7 @@ FAMILIES: dict[str, Family] = {
     "many, 3 contacts": Family(many(3), 2_000, 3),
     "many, 4 contacts": Family(many(4), 10_000, 4),
     "many, 5 contacts": Family(many(5), 20_000, 5),
+    **{f"prepare rows, {m} contacts": Family(made_ready(m), 0.1) for m in (3, 5)},
     **{f"prepare batch, {m} contacts": Family(prepared_together(m), 0.1) for m in (3, 5)},
     **{f"prepare alone, {m} contacts": Family(prepared_alone(m), 0.1) for m in (3, 5)},
     **{
