@@ -8,7 +8,7 @@ from the others (m), every joint's range cut at its upper end (rad), the last ob
 (rad). The others are drawn by a fixed seed: an object region moved along a direction (`move 0` to `move 19`), and one
 turned about an axis through its middle (`turn 0` to `turn 9`). The edge of each is sought by bisection with local
 searches, from the configurations found so far and `STARTS` others a step; the prover is then asked beyond it, at the
-margins of `MARGINS` from the smallest up, until one is proved within the time: `--seconds` of each of its `--workers`
+smallest of the margins that is proved within the time, found by bisection: `--seconds` of each of its `--workers`
 processors, whatever else these have to do meanwhile. A margin that is measured from an edge that the local searches
 found too early is in truth smaller, never larger.
 
@@ -137,35 +137,45 @@ def edge(change: Change, kind: str) -> float | None:
 
 
 def measure(change: Change, base: dict, at: float | None, seconds: float, cores: int) -> list[dict]:
-    """Rows of a family from its edge on, from the smallest margin up to the first that is proved."""
+    """Rows of a family beyond its edge: at the smallest margin, the largest, and between them by bisection."""
     if at is None:
         return [base | {"margin": None, "proved": None, "note": "possible as far as tried"}]
-    rows, base = [], base | {"limit": seconds * cores}
-    for margin in LENGTHS if base["family"].split()[0] in ("away", "move") else ANGLES:
-        try:
-            problem = TaskProblem.of(change(at + margin))
-        except InputError as fault:
-            rows.append(base | {"margin": margin, "proved": None, "note": str(fault)})
-            continue
-        prover = Prover(problem, workers=cores)
-        prover.compile()
-        clock, processors = time.perf_counter(), time.process_time()
-
-        def stop(_: Disproof, end: float = processors + seconds * cores) -> None:
-            if time.process_time() > end:
-                raise KeyboardInterrupt
-
-        done = prover.run(on_progress=stop)
-        rows.append(
-            base
-            | {"margin": float(margin), "proved": done.empty, "by": done.by, "seconds": time.perf_counter() - clock}
-            | {"processor_seconds": time.process_time() - processors}
-            | {"nodes": done.nodes, "discarded": done.discarded, "pending": done.pending}
-        )
-        print(rows[-1], flush=True)
-        if done.empty:
+    margins = LENGTHS if base["family"].split()[0] in ("away", "move") else ANGLES
+    base = base | {"limit": seconds * cores}
+    rows = [beyond(change(at + margins[0]), base | {"margin": margins[0]}, seconds * cores, cores)]
+    low, high = 0, len(margins)  # not proved, proved
+    while not rows[0]["proved"] and high - low > 1:
+        k = high - 1 if high == len(margins) else (low + high) // 2
+        rows.append(beyond(change(at + margins[k]), base | {"margin": margins[k]}, seconds * cores, cores))
+        if high == len(margins) and not rows[-1]["proved"]:
             break
+        low, high = (low, k) if rows[-1]["proved"] else (k, high)
     return rows
+
+
+def beyond(task: Task, base: dict, limit: float, cores: int) -> dict:
+    """What the prover says of a task within so much processor time [s]."""
+    try:
+        problem = TaskProblem.of(task)
+    except InputError as fault:
+        return base | {"proved": None, "note": str(fault)}
+    prover = Prover(problem, workers=cores)
+    prover.compile()
+    clock, processors = time.perf_counter(), time.process_time()
+
+    def stop(_: Disproof, end: float = processors + limit) -> None:
+        if time.process_time() > end:
+            raise KeyboardInterrupt
+
+    done = prover.run(on_progress=stop)
+    row = (
+        base
+        | {"margin": float(base["margin"]), "proved": done.empty, "by": done.by, "seconds": time.perf_counter() - clock}
+        | {"processor_seconds": time.process_time() - processors}
+        | {"nodes": done.nodes, "discarded": done.discarded, "pending": done.pending}
+    )
+    print(row, flush=True)
+    return row
 
 
 def plants(count: int) -> dict:
