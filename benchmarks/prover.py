@@ -24,6 +24,7 @@ import argparse
 import json
 import time
 import zlib
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -140,7 +141,7 @@ def measure(change: Change, base: dict, at: float | None, seconds: float, cores:
     """Rows of a family beyond its edge: at the smallest margin, the largest, and between them by bisection."""
     if at is None:
         return [base | {"margin": None, "proved": None, "note": "possible as far as tried"}]
-    margins = LENGTHS if base["family"].split()[0] in ("away", "move") else ANGLES
+    margins = LENGTHS if lengthwise(base["family"]) else ANGLES
     base = base | {"limit": seconds * cores}
     rows = [beyond(change(at + margins[0]), base | {"margin": margins[0]}, seconds * cores, cores)]
     low, high = 0, len(margins)  # not proved, proved
@@ -204,32 +205,58 @@ def plants(count: int) -> dict:
     return {"boxes": tried, "lost": lost}
 
 
-def report(rows: list[dict]) -> None:
-    """The smallest margin that is proved in each case, the worst first."""
-    cases: dict[tuple[str, str], list[dict]] = {}
-    for row in rows:
+def smallest(rows: list[dict]) -> dict[tuple[str, str], dict | None]:
+    """Of each task and family that has an edge: the row of the smallest margin that is proved, None if none is."""
+    out: dict[tuple[str, str], dict | None] = {}
+    for row in sorted(rows, key=lambda r: -(r["margin"] or 0.0)):
         if row["margin"] is not None:
-            cases.setdefault((row["task"], row["family"]), []).append(row)
+            case = row["task"], row["family"]
+            out[case] = row if row["proved"] else out.get(case)
+    return out
 
-    def least(its: list[dict]) -> tuple[float, float]:
+
+def lengthwise(family: str) -> bool:
+    """Are its amounts lengths, and not angles?"""
+    return family.split()[0] in ("away", "move")
+
+
+def report(rows: list[dict]) -> None:
+    """The smallest margin that is proved in each case, the worst first, then how many drawn cases come how far."""
+
+    def far(case: tuple[str, str]) -> tuple[float, float]:
         """Margin, as part of the largest one, and processor time; infinite if none is proved."""
-        proved = [r for r in its if r["proved"]]
-        first = min(proved, key=lambda r: r["margin"], default=None)
-        if first is None:
-            return np.inf, np.inf
-        most = LENGTHS[-1] if first["family"].split()[0] in ("away", "move") else ANGLES[-1]
-        return first["margin"] / most, first["processor_seconds"]
+        row = cases[case]
+        most = LENGTHS[-1] if lengthwise(case[1]) else ANGLES[-1]
+        return (row["margin"] / most, row["processor_seconds"]) if row else (np.inf, np.inf)
 
+    cases = smallest(rows)
     print("| task | made impossible by | edge | margin proved | boxes | processor time [s] | by |")
     print("|---|---|---:|---:|---:|---:|---|")
-    for (name, family), its in sorted(cases.items(), key=lambda case: least(case[1]), reverse=True):
-        proved = [r for r in its if r["proved"]]
-        row = min(proved, key=lambda r: r["margin"], default=its[-1])
-        long = family.split()[0] in ("away", "move")
-        edge, margin = (f"{1e3 * x:.4g} mm" if long else f"{np.degrees(x):.4g}°" for x in (row["edge"], row["margin"]))
-        shown = margin if proved else f"not {margin}"
-        told = f"{row.get('nodes', 0):,} | {row.get('processor_seconds', 0.0):.2f} | {row.get('by', '')}"
-        print(f"| {name} | {family} | {edge} | {shown} | {told} |")
+    for name, family in sorted(cases, key=far, reverse=True):
+        row = cases[name, family]
+        edge = next(r["edge"] for r in rows if (r["task"], r["family"]) == (name, family))
+        size = "{:.4g} mm" if lengthwise(family) else "{:.4g}°"
+        edge, margin = (
+            size.format(1e3 * x if lengthwise(family) else np.degrees(x)) for x in (edge, row["margin"] if row else 0.0)
+        )
+        told = f"{margin} | {row['nodes']:,} | {row['processor_seconds']:.2f} | {row['by']}" if row else "none | | |"
+        print(f"| {name} | {family} | {edge} | {told} |")
+    drawn = Counter((task, family.split()[0]) for task, family in cases if " " in family)
+    for kind, margins in (("move", LENGTHS), ("turn", ANGLES)):
+        some = {task: count for (task, k), count in drawn.items() if k == kind}
+        if not some:
+            continue
+        units = [f"{1e3 * x:g} mm" if kind == "move" else f"{np.degrees(x):g}°" for x in margins]
+        print(f"\n| task, {kind} | drawn | {' | '.join(f'proved at {u}' for u in units)} | none |")
+        print("|---|" + "---:|" * (len(margins) + 2))
+        for task in sorted(
+            some, key=lambda t: -sum(cases[c] is None for c in cases if c[0] == t and c[1].startswith(kind))
+        ):
+            its = [
+                row for (t, family), row in cases.items() if t == task and family.split()[0] == kind and " " in family
+            ]
+            at = [sum(row is not None and row["margin"] <= x * (1 + 1e-9) for row in its) for x in margins]
+            print(f"| {task} | {len(its)} | {' | '.join(map(str, at))} | {sum(row is None for row in its)} |")
 
 
 def main() -> None:
