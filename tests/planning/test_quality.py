@@ -13,13 +13,14 @@ from benchmarks.simulation_floor import pinch
 from handfast import Verdict, check, load_body, load_hand, maximum, verify
 from handfast.cli.plan import PlanGrasps
 from handfast.core.errors import InputError
+from handfast.planning.evaluation import attempt
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
 from handfast.planning.evaluation.quality import GraspQuality, largest_command
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanOptions
 from handfast.planning.ranking import best_first
 from handfast.planning.results.plan import Plan
-from handfast.planning.search import RejectionReason
+from handfast.planning.search import RejectionReason, Tally, UnitResult
 from handfast.simulation.bodies import Bodies
 from handfast.stability.problem.loads import Loads
 
@@ -77,6 +78,47 @@ def test_best_first_is_robust_then_margin_then_command(planned: Plan) -> None:
     ]
     for order in ([5, 3, 1, 4, 2, 0], [2, 0, 5, 1, 3, 4]):
         assert best_first([ranked[k] for k in order]) == ranked
+
+
+@pytest.mark.parametrize(
+    ("every", "tried", "chosen", "left"),
+    [(3, 6, [2, 5], [0, 1, 3, 4]), (5, 8, [4, 0], [1, 2, 3, 5, 6, 7]), (9, 8, [0, 1], [2, 3, 4, 5, 6, 7])],
+)
+def test_robust_grasps_are_sought_four_times_as_long_as_any(
+    planned: Plan, monkeypatch: pytest.MonkeyPatch, every: int, tried: int, chosen: list[int], left: list[int]
+) -> None:
+    """Two are asked for, every start gives one, the last of `every` is robust."""
+    (g, *_) = planned.grasps
+
+    def run(_: Runner, number: int) -> UnitResult[PlannedGrasp]:
+        pose = g.pose.copy()
+        pose[0, 3] += 0.02 * number
+        measured = quality(2.0) if number % every == every - 1 else quality(2.0, "motion")
+        return UnitResult(Tally(1), (replace(g, index=number, pose=pose, quality=measured),))
+
+    monkeypatch.setattr(Runner, "run", run)
+    found = plan(planned.hand, planned.body, count=2, jobs=1)
+    assert (found.tried, found.verdict, str(found.stop)) == (tried, Verdict.HOLDS, "complete")
+    assert [g.index for g in found.grasps] == chosen
+    assert sorted(g.index for g in found.others) == left
+
+
+@pytest.mark.slow
+def test_larger_commands_make_a_fragile_grasp_robust(monkeypatch: pytest.MonkeyPatch) -> None:
+    hand, body = load_hand("barrett-bh8-280"), load_body("bottle")
+    asked = Attempts(hand, body, Loads.gravity(body).scaled(SAFETY), PlanOptions(safety=SAFETY))
+    (firm,) = Runner(asked).run(98).found
+    monkeypatch.setattr(attempt, "FIRMER", ())
+    (least,) = Runner(asked).run(98).found
+    assert (firm.robust, least.robust) == (True, False)
+    assert firm.answer.upper == pytest.approx(1.25 * least.answer.upper)
+    assert firm.held.verify().ok
+    for w in asked.loads.wrenches:
+        assert check(firm.grasp, w).verdict is Verdict.HOLDS
+    monkeypatch.setattr(attempt, "FIRMER", (1.25,))
+    weak = replace(hand, strengths={name: 1.1 * abs(f) for name, f in least.grasp.preload.items()})
+    (bounded,) = Runner(replace(asked, hand=weak)).run(98).found
+    assert bounded.grasp.preload == least.grasp.preload  # beyond what the motors have
 
 
 @pytest.mark.slow

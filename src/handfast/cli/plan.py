@@ -140,8 +140,9 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
         with console.watch("plan") as progress:
 
             def note(so_far: Plan) -> None:
-                done = len(so_far.grasps)
-                progress.item(done, max(self.count, self.pool or 0), f" · {starts_text(so_far.tally)}")
+                done = sum(g.robust for g in so_far.found)
+                fragile = f" robust, {len(so_far.found) - done} fragile"
+                progress.item(done, max(self.count, self.pool or 0), f"{fragile} · {starts_text(so_far.tally)}")
 
             names = _from_anywhere(self.hand), _from_anywhere(self.object)
             laws: dict[str, Any] = {"joint_laws": self.joint_laws, "backdrivable": self.backdrivable}
@@ -204,6 +205,11 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
                 rows.append((*numbers, *measured[:2], command, measured[2], links))
             out.print(table(heads, rows))
             out.print(f"Margin: {words.MARGIN}. Best first: {words.BEST_FIRST}.", style="dim", soft_wrap=True)
+            if fragile := sum(g.quality is not None and g.quality.fragile for g in planned.grasps):
+                some = f"{fragile} of {len(planned.grasps)} are fragile"
+                out.print(f"{some}: no more robust ones were found in {planned.tried} starts.", style="yellow")
+            if planned.others and self.output:
+                out.print(f"Left out: {words.count(len(planned.others), 'grasp')} more, 'others' in plan.json.")
             if left := sum(g.quality is None for g in planned.grasps):
                 why = "it was interrupted" if planned.stop is Stop.INTERRUPTED else "the time ran out"
                 again = "; --resume with more --timeout asks" if self.output else ""

@@ -20,6 +20,8 @@ from handfast.planning.results.plan import Plan
 from handfast.planning.search import Gathering, Journal, fruitless
 from handfast.stability.problem.loads import Loads
 
+PATIENT = 4  # times the starts that as many grasps took as asked for: so long robust ones are looked for
+
 
 @kinds_checked
 def plan(
@@ -40,7 +42,9 @@ def plan(
     `hold` for the loads is kept, unless it is like one that was kept (see `ranking.difference`). Attempts
     are numbered: the same seed gives the same grasps whatever the number of cores, as far as the time goes.
     Where it is shown that so few contacts as allowed cannot hold, wherever on the surface they are, nothing is tried.
-    The best come first: see `ranking.best_first`. A heuristic: what it does not find may exist.
+    Robust grasps are looked for: until there are as many as asked for, or `PATIENT` times the starts were tried that so
+    many of any kind took; fragile ones fill up what is missing then. The best come first: see `ranking.best_first`. A
+    heuristic: what it does not find may exist.
 
     Args:
         loads: what each grasp must hold, `options.safety` times; the weight from all six axis directions of the object
@@ -75,7 +79,8 @@ def plan(
     def alike(a: PlannedGrasp, b: PlannedGrasp) -> bool:
         return difference(a, b, prismatic) < 1
 
-    gathered = Gathering(max(o.count, o.pool or 0), alike, *((before.tally, before.found) if before else ()))
+    wanted = max(o.count, o.pool or 0)
+    gathered = Gathering(o.attempts, alike, *((before.tally, before.found) if before else ()))
 
     def so_far(stop: Stop, chosen: list[PlannedGrasp]) -> Plan:
         chosen = best_first(chosen)
@@ -84,6 +89,12 @@ def plan(
 
     def spent() -> float:
         return time.monotonic() - begin + (before.seconds if before else 0.0)
+
+    def done() -> bool:
+        kept = gathered.kept
+        if fruitless(gathered.tally, o.give_up) or sum(g.robust for g in kept) >= wanted:
+            return True
+        return len(kept) >= wanted and gathered.tally.total >= PATIENT * (sorted(g.index for g in kept)[wanted - 1] + 1)
 
     def measure(workers: Workers[Runner]) -> None:
         bare = [(k, g) for k, g in enumerate(gathered.kept) if g.quality is None]
@@ -99,15 +110,13 @@ def plan(
     try:
         with workers_of(Runner(asked, end), jobs, scheduler) as workers:
             numbers = range(gathered.tally.total, o.attempts)
-            done = gathered.enough or fruitless(gathered.tally, o.give_up)
             measure(workers)
-            units = iter(()) if done else workers.map(Runner.run, numbers, until=end)
+            units = iter(()) if done() else workers.map(Runner.run, numbers, until=end)
             for unit in units:
                 new = gathered.take(unit)
                 first = spent() if new and first is None else first
-                measure(workers)
-                journal.note(so_far(Stop.INTERRUPTED, gathered.kept), new=new)
-                if gathered.enough or fruitless(gathered.tally, o.give_up):
+                journal.note(so_far(Stop.INTERRUPTED, best_first(gathered.kept)[: o.count]), new=new)
+                if done():
                     break
             else:
                 stop = Stop.TIME if time.monotonic() >= end else Stop.NODES
@@ -115,7 +124,9 @@ def plan(
     except KeyboardInterrupt:
         stop = Stop.INTERRUPTED
     best = best_first(gathered.kept)
-    chosen = most_different(best, o.count, prismatic) if len(best) > o.count else best
+    robust = [g for g in best if g.robust]
+    best = robust if len(robust) >= o.count else best[: o.count]
+    chosen = most_different(best, o.count, prismatic) if o.pool else best[: o.count]
     answer = so_far(Stop.COMPLETE if len(chosen) >= o.count else stop, chosen)
     journal.close(answer)
     return answer

@@ -23,7 +23,7 @@ from handfast.planning.candidates.palm_poses import Palm, Start, palm_of
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.closing import Closed, close
 from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedContacts, spanning
-from handfast.planning.evaluation.quality import GraspQuality, quality, with_margins
+from handfast.planning.evaluation.quality import GraspQuality, leans_on, quality, with_margins
 from handfast.planning.filters.balance import balances, held_by_contacts
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
 from handfast.planning.filters.surroundings import CLEAR, Way, WayFinder
@@ -40,6 +40,7 @@ PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with its
 CALMER = (0.5, 0.5, 0.0)  # of its abductions a hand keeps, where it started in itself, one after the other
 DIGITS = 9  # of a clearance [m], which is measured to about 1e-9
 PUSHES = 4  # of the object by a finger, at most
+FIRMER = (1.25, 2.0, 4.0)  # times the commands of a fragile grasp: under the first with which it is robust it is kept
 
 REASONS = (
     *FILTERED,
@@ -79,6 +80,11 @@ class PlannedGrasp(Presented):
     searched: SearchedContacts | None = None
     quality: GraspQuality | None = None
     way: Way | None = None
+
+    @property
+    def robust(self) -> bool:
+        """Was it measured, and leans on nothing?"""
+        return self.quality is not None and not self.quality.fragile
 
     @property
     def held(self) -> HoldAnswer:
@@ -233,11 +239,30 @@ class Runner:
         grasp = grasp.with_preload(answer.preload)
         if search.strength(grasp) > 1:
             return RejectionReason.STRONG, None
-        if a.options.simulate and not self.simulated(grasp, Bodies.of(a.hand, closed.q, a.body, pose)):
+        found = PlannedGrasp(closed.q, pose, grasp, answer, inside, deep.itself, number, searched, way=way)
+        found = self.firmer(self.measured(found), search)
+        if a.options.simulate and not self.simulated(found.grasp, Bodies.of(a.hand, closed.q, a.body, pose)):
             return RejectionReason.SIMULATED, None
-        checks = tuple(replace(c, proof=None) for c in answer.checks)  # grasps travel between processes
-        answer = replace(answer, checks=checks)
-        return PlannedGrasp(closed.q, pose, grasp, answer, inside, deep.itself, number, searched, way=way)
+        checks = tuple(replace(c, proof=None) for c in found.answer.checks)  # grasps travel between processes
+        return replace(found, answer=replace(found.answer, checks=checks))
+
+    def firmer(self, g: PlannedGrasp, search: PreloadSearch) -> PlannedGrasp:
+        """A fragile grasp with larger commands under which it is robust; as it is if there are none.
+
+        They hold every load as well, and are within what is allowed and what the hand's file states of its motors.
+        """
+        if not (g.quality and g.quality.fragile and g.grasp.preload):
+            return g
+        for level in FIRMER:
+            preload = {name: level * f for name, f in g.grasp.preload.items()}
+            if any(abs(f) > self.asked.hand.strengths.get(name, np.inf) for name, f in preload.items()):
+                break
+            answer = search.under(g.grasp, g.answer, level)
+            if answer and not leans_on(answer, self.asked.options, g.quality.weakest):
+                found = self.measured(replace(g, grasp=g.grasp.with_preload(preload), answer=answer))
+                if found.robust:
+                    return found
+        return g
 
     def simulated(self, grasp: Grasp, bodies: Bodies) -> bool:
         """Does the dynamics engine hold every load, without the factor of safety?"""

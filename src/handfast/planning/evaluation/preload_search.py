@@ -101,17 +101,24 @@ class PreloadSearch:
 
     def of_all(self, grasp: Grasp, part: HoldAnswer) -> HoldAnswer:
         """The answer for a grasp of whose contacts a part holds the loads: UNDECIDED if all of them do not."""
-        nodes, levels = part.nodes, LEVELS if part.upper > 0 else LEVELS[:1]
-        for level in levels:
-            preload = {name: level * value for name, value in (part.preload or {}).items()}
-            loaded = grasp.with_preload(preload)
-            if level > 1 and self.strength(loaded) > 1:
-                break
-            known = preload, 0.0, level * part.upper
-            answer = held_again(loaded, self.loads, self.limits, checking_settings_for(grasp), known, nodes)
+        for level in LEVELS if part.upper > 0 else LEVELS[:1]:
+            answer = self.under(grasp, part, level)
             if answer:
-                return replace(answer, nodes=nodes + sum(a.nodes for a in answer.checks), actuators=part.actuators)
+                return answer
         return replace(part, verdict=Verdict.UNDECIDED, preload=None, upper=np.inf, checks=(), grasp=grasp)
+
+    def under(self, grasp: Grasp, known: HoldAnswer, level: float) -> HoldAnswer | None:
+        """The answer for a grasp under a multiple of a preload that is known; None if it does not hold every load, or
+        takes larger commands than allowed.
+        """
+        preload = {name: level * value for name, value in (known.preload or {}).items()}
+        loaded = grasp.with_preload(preload)
+        if self.strength(loaded) > 1:
+            return None
+        asked = preload, 0.0, level * known.upper
+        again = held_again(loaded, self.loads, self.limits, checking_settings_for(grasp), asked, known.nodes)
+        nodes = known.nodes + sum(a.nodes for a in again.checks) if again else 0
+        return again and replace(again, nodes=nodes, actuators=known.actuators)
 
     def strength(self, grasp: Grasp) -> float:
         """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""

@@ -68,6 +68,9 @@ def largest_command(grasp: Grasp) -> dict[str, Any]:
 def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> HoldAnswer:
     """An answer that holds, with how much of each load is resisted under its preload; as it is if there is no time.
 
+    What is shown has its witness. That no more is resisted is not kept where commands and load are asked together:
+    proving it took four fifths of the time for grasps of eight contacts, and nothing asks for it.
+
     Args:
         until: on the monotonic clock.
     """
@@ -79,8 +82,12 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
         if left <= 0:
             return answer
         settings = limits.settings or replace(settings_for(grasp), gap=GAP, timeout=left)
-        how: dict[str, Any] = {"settings": settings, "limits": limits.of_grasp(grasp), "loading": limits.loading}
-        found[name] = uninterrupted(maximum(grasp, w, **how))
+        how: dict[str, Any] = {"limits": limits.of_grasp(grasp), "loading": limits.loading}
+        if limits.loading == "together":
+            shown = uninterrupted(maximum(grasp, w, settings=replace(settings, verify=False), **how))
+            found[name] = replace(shown.settled(time.monotonic() + left), proof=None, upper=np.inf)
+        else:
+            found[name] = uninterrupted(maximum(grasp, w, settings=settings, **how))
     return replace(answer, margins=found)
 
 
@@ -90,14 +97,17 @@ def quality(answer: HoldAnswer, options: PlanOptions, clearance: float) -> Grasp
     Args:
         clearance: [m].
     """
+    asked, weakest = answer.margin, answer.weakest
+    times = np.inf if asked is None else asked * options.safety
+    leans = leans_on(answer, options, weakest) if weakest else ()
+    return GraspQuality(float(times), weakest, leans, clearance)
+
+
+def leans_on(answer: HoldAnswer, options: PlanOptions, name: str) -> tuple[str, ...]:
+    """What a grasp whose answer holds leans on under the load of a name, without the factor of safety."""
     assert answer.grasp is not None
     grasp, limits = answer.grasp.with_commands(answer.preload or {}), options.limits
-    asked, weakest = answer.margin, answer.weakest
-    leans: tuple[str, ...] = ()
-    if weakest:
-        wrench = answer.loads.wrenches[answer.loads.names.index(weakest)] / options.safety
-        settings = limits.settings or checking_settings_for(grasp)
-        leant = margin(grasp, wrench, settings=settings, limits=limits.of_grasp(grasp))
-        leans = leant.why if leant else ("motion",) if limits.loading == "together" else ()
-    times = np.inf if asked is None else asked * options.safety
-    return GraspQuality(float(times), weakest, leans, clearance)
+    wrench = answer.loads.wrenches[answer.loads.names.index(name)] / options.safety
+    settings = limits.settings or checking_settings_for(grasp)
+    leant = margin(grasp, wrench, settings=settings, limits=limits.of_grasp(grasp))
+    return leant.why if leant else ("motion",) if limits.loading == "together" else ()

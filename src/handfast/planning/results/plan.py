@@ -67,7 +67,7 @@ class Plan(Presented):
     Attributes:
         asked: what the attempts share; count: how many grasps were asked for.
         grasps: those that hold every load and differ from each other, best first (`ranking.best_first`).
-            others: of a pool, those that were left out.
+            others: those that were left out, of a pool, or fragile ones.
         tally: what became of the attempts.
         stop: COMPLETE; TIME, NODES (the attempts were used up), FRUITLESS (so many attempts came to nothing that it was
             given up) or INTERRUPTED if fewer were found.
