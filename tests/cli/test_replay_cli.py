@@ -78,8 +78,6 @@ def test_what_is_wrong_is_one_line(saved: dict[str, Any], capsys: pytest.Capture
     complains(capsys, ["verify", "map.json"], [again])
     complains(capsys, ["verify", "map.json", "--replay", "--row", "1"], ["map.json: --row: is for tables of labels"])
     complains(capsys, ["verify", "map.json", "--replay", "--dataset", "a"], ["map.json: --dataset: is for tables"])
-    save_grasp(pinch(), "grasp.json")
-    complains(capsys, ["verify", "grasp.json"], ["grasp.json: is a grasp, which claims nothing; an answer is needed"])
     complains(capsys, ["verify", "none.jsonl", "--replay"], ["none.jsonl: no such file; a table of labels is needed"])
     complains(capsys, ["verify", "map.json", "--replay", "--question-timeout", "0"], ["timeout: is 0 s"])
     complains(

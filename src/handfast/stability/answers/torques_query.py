@@ -28,8 +28,7 @@ from handfast.stability.search.solve import MANY, clock_of, held_under, solve, t
 if TYPE_CHECKING:
     from handfast.stability.search.proof import Outcome
 
-MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds,
-QUICK = 32  # in as many nodes; the last share in as many as the search
+MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,9 +191,9 @@ def _found(
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)
-        for share, nodes in (*((share, QUICK) for share in MORE), (MORE[-1], MANY + 2 * found.nodes)):
+        for share in MORE:
             raised = grasp.with_preload(np.where(back, command, (1 + settings.gap * share) * command))
-            held = held_under(raised, p, replace(settings, nodes=min(settings.nodes, nodes)), found, clock)
+            held = held_under(raised, p, settings, found, clock)
             if held is not None:
                 yield held
     yield found

@@ -77,12 +77,13 @@ def held_under(
 ) -> Outcome | None:
     """`found` with the witness of a check under the commands of this grasp; None if it is not resisted, or too late.
 
-    The check begins with the witness that was found, if any.
+    The check begins with the witness that was found, if any, and gives up after a few nodes more than that took.
     """
     if limits.late:
         return None
     settings, near = replace(time_left(settings, limits), verify=False), []
     if found.witness is not None:
+        settings = replace(settings, nodes=min(settings.nodes, MANY + 2 * found.nodes))
         near = [(found.witness.state, 0.0)]
     asked = scaled_problem.build(grasp, p.wrench, limits=p.limits, mdp=p.mdp)
     there = solve(asked, ANY_STATE, settings, None, near=near)
