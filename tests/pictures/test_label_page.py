@@ -37,6 +37,9 @@ def test_a_page_has_counts_reasons_and_grasps(tmp_path: Path) -> None:
     assert text.count("no contacts") == 2
     assert "&lt;b&gt;" in text
     assert "<td><b>" not in text
+    columns = "row", "grasp", "verdict", "commands", "times the weight", "worst force [N]", "contacts", "object"
+    heads = [text.index(f">{name}</th>") for name in columns]
+    assert heads == sorted(heads)  # the object, whose name may be long, hides no verdict on a phone
     with pytest.raises(InputError, match="exists already"):
         report_labels(page, "a.jsonl", summary, [])
 

@@ -59,7 +59,7 @@ def report_labels(
     broken = table(["rows", "first", "broken because"], reasons, "Rows that are broken")
     left = summary.rows - len(first)
     more = f'<p class="note">{count(left, "grasp")} more in {escape(name)}.</p>' if left > 0 else ""
-    heads = ["#row", "#grasp", "#object", "contacts", "#verdict", "#commands", "times the weight", "worst force [N]"]
+    heads = ["#row", "#grasp", "#verdict", "#commands", "times the weight", "worst force [N]", "contacts", "#object"]
     listed = table(heads, [_row(label) for label in first], "Grasp by grasp") + f'<p class="note">{LISTED}</p>'
     parts = [
         f'<h1>{escape(name)}</h1><p class="facts">{escape(about)}</p>',
@@ -71,13 +71,13 @@ def report_labels(
 
 
 def _row(label: Mapping[str, Any]) -> list[str]:
-    named = [str(label["row"]), label["name"] or "–", label["object"] or "–"]
+    named, thing = (str(label["row"]), label["name"] or "–"), label["object"] or "–"  # last: it may be long
     if label["status"] == "broken":
-        return [*named, "–", f"{BAD}broken", label["reason"] or "–", "–", "–"]
+        return [*named, f"{BAD}broken", label["reason"] or "–", "–", "–", "–", thing]
     verdict = label["verdict"] or "–"
     says = BAD + verdict if verdict == "slips" else verdict
     numbers = [_number(label["weight_factor"], verdict), _number(label["worst_force"], "")]
-    return [*named, str(label["contacts"] or "–"), says, label["held_by"] or "–", *numbers]
+    return [*named, says, label["held_by"] or "–", *numbers, str(label["contacts"] or "–"), thing]
 
 
 def _number(x: float | None, verdict: str) -> str:
