@@ -44,6 +44,15 @@ def test_a_damaged_file_is_not_found(folder: Path, whole: float) -> None:
     assert kept.recalled("a") is None
 
 
+def test_whichever_byte_is_damaged_it_is_not_found(folder: Path) -> None:
+    """Of the archive by itself one bit less makes a list that is shorter by a part, or empty."""
+    kept.keep("a", PIECES)
+    data = (folder / "a.npz").read_bytes()
+    for at in range(len(data)):
+        (folder / "a.npz").write_bytes(data[:at] + bytes([data[at] ^ 128]) + data[at + 1 :])
+        assert kept.recalled("a") is None
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows guards a user's folders by itself")
 def test_nothing_is_found_or_kept_where_others_can_write(folder: Path) -> None:
     kept.keep("a", PIECES)
@@ -65,8 +74,11 @@ def test_the_oldest_go(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import os
 
     monkeypatch.setattr(kept, "MOST", 2)
+    folder.mkdir(parents=True)
+    (folder / "z.123").touch()  # of a program that was ended
+    os.utime(folder / "z.123", (0, 0))
     for when, name in enumerate("abc"):
         kept.keep(name, PIECES)
-        os.utime(folder / f"{name}.npz", (when, when))
+        os.utime(folder / f"{name}.npz", (when + 1, when + 1))
     kept.keep("d", PIECES)
     assert sorted(p.stem for p in folder.iterdir()) == ["c", "d"]

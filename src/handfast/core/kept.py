@@ -6,11 +6,11 @@ The folder has at most `MOST` files. Nothing is found, or kept, where others cou
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from handfast.core.arrays import Array
 from handfast.core.trusted import exposed, user_cache
 
 MOST = 300
+SEAL = 32  # bytes at the end of a file: the SHA-256 of those before. An archive that is damaged may lack a part
 
 
 def digest(what: str, *arrays: np.ndarray) -> str:
@@ -29,26 +30,29 @@ def digest(what: str, *arrays: np.ndarray) -> str:
 
 
 def recalled(name: str) -> list[Array] | None:
-    """The arrays kept under a name; None if there are none, or they are damaged."""
-    with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile):
+    """The arrays kept under a name; None if there are none, or the file is damaged."""
+    with suppress(OSError):
         path = _folder() / f"{name}.npz"
         if exposed(path) is None:
-            with np.load(path, allow_pickle=False) as held:
-                return [held[f"arr_{i}"] for i in range(len(held.files))]
+            data = path.read_bytes()
+            data, seal = data[:-SEAL], data[-SEAL:]
+            if hashlib.sha256(data).digest() == seal:
+                with np.load(io.BytesIO(data), allow_pickle=False) as held:
+                    return [held[f"arr_{i}"] for i in range(len(held.files))]
     return None
 
 
 def keep(name: str, arrays: Sequence[Array]) -> None:
     """Keep arrays under a name, whoever else keeps them; beyond `MOST` files those that are oldest go."""
-    folder = _folder()
+    folder, data = _folder(), io.BytesIO()
+    np.savez_compressed(data, *arrays)
     with suppress(OSError):  # not ours to write to
         folder.mkdir(mode=0o755, parents=True, exist_ok=True)
         if exposed(folder) is None:
             draft = folder / f"{name}.{os.getpid()}"
-            with draft.open("wb") as file:
-                np.savez_compressed(file, *arrays)
+            draft.write_bytes(data.getvalue() + hashlib.sha256(data.getvalue()).digest())
             draft.replace(folder / f"{name}.npz")
-            for old in sorted(folder.glob("*.npz"), key=os.path.getmtime)[:-MOST]:
+            for old in sorted(folder.iterdir(), key=os.path.getmtime)[:-MOST]:  # drafts that were left over, too
                 old.unlink(missing_ok=True)
 
 
