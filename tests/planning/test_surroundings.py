@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from handfast import load_body, load_hand
 from handfast.cli import main
@@ -67,9 +68,25 @@ def test_an_obstacle_that_the_hand_passes_on_its_way() -> None:
 
 def test_an_obstacle_in_the_object_is_refused() -> None:
     body = Body.of([Shape("box", (0.03, 0.05, 0.05))], mass=0.1)
-    assert Surroundings(obstacles=[block(0.026, 0.0, 0.0)]).solids(body)  # 1 mm beside it
+    scene = Scene(GRIPPER, body)
+    assert WayFinder(scene, Surroundings(obstacles=[block(0.026, 0.0, 0.0)]))  # 1 mm beside it
     with pytest.raises(InputError, match=r"obstacle: is in the object, 5 mm deep"):
-        Surroundings(obstacles=[block(0.02, 0.0, 0.0)]).solids(body)
+        WayFinder(scene, Surroundings(obstacles=[block(0.02, 0.0, 0.0)]))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_bar_across_the_object_is_in_it_however_both_are_turned(seed: int) -> None:
+    """It has no corner in the object, nor the object one in it: 3 mm of its 4 mm are in the box, or it only touches."""
+    R = Rotation.random(random_state=seed).as_matrix()
+    body = Body.of([Shape("box", (0.03, 0.05, 0.05), transform(np.zeros(3), R))], mass=0.1)
+    for deep, inside in ((3e-3, True), (0.0, False)):
+        bar = Shape("box", (0.004, 0.3, 0.01), transform(R @ np.array([0.015 + 0.002 - deep, 0.0, 0.0]), R))
+        around = Surroundings(obstacles=[bar])
+        if inside:
+            with pytest.raises(InputError, match=r"obstacle: is in the object, 3 mm deep"):
+                WayFinder(Scene(GRIPPER, body), around)
+        else:
+            assert WayFinder(Scene(GRIPPER, body), around)
 
 
 def test_an_obstacle_where_fingers_close() -> None:

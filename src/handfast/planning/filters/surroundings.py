@@ -50,22 +50,7 @@ class Surroundings:
             raise InputError(f"is {self.travel:g} m; a positive number is needed", field="travel")
 
     def solids(self, body: Body) -> list[Shape]:
-        """All of them, the plane as a wide box below the object's lowest point.
-
-        Raises:
-            InputError: an obstacle is in the object, so that no hand could take it away.
-        """
-        deep = max(
-            (
-                max(o.depth(p.triangles()[0]).max(), p.depth(o.triangles()[0]).max())
-                for o in self.obstacles
-                for p in body.pieces
-            ),
-            default=0.0,
-        )
-        if deep > CLEAR:
-            problem = f"is in the object, {1e3 * deep:.3g} mm deep; both files have the object's frame"
-            raise InputError(problem, field="obstacle")
+        """All of them, the plane as a wide box below the object's lowest point."""
         if self.up is None:
             return list(self.obstacles)
         up = np.asarray(self.up, dtype=float) / np.linalg.norm(self.up)
@@ -104,6 +89,9 @@ class WayFinder:
 
     Steps are as long as what is nearest is away, so that no surface is passed; the closing between is looked at in some
     steps, joints in proportion.
+
+    Raises:
+        InputError: an obstacle is in the object, so that no hand could take it away.
     """
 
     def __init__(self, scene: Scene, around: Surroundings) -> None:
@@ -114,6 +102,10 @@ class WayFinder:
             others = Body.of(solids, name="surroundings")
             self._hand = Scene(scene.hand, others, scene.ignored)
             self._object = Scene(_as_hand(scene.body), others)
+            deep = -float(self._object.distance(np.zeros(0), np.eye(4), FAR).min())
+            if deep > TOUCHING:
+                problem = f"is in the object, {1e3 * deep:.3g} mm deep; both files have the object's frame"
+                raise InputError(problem, field="obstacle")
 
     def clearance(self, q: Array, pose: Array) -> float:
         """[m] of the hand at q (l,) from what is around an object at a pose (4, 4) in its base frame, up to `FAR`."""
