@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from handfast.core.errors import InputError
-from handfast.core.files import read_json
+from handfast.core.files import ANSWER, KINDS, read_json
 from handfast.proofs import files
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
@@ -102,11 +102,12 @@ def _of_one(path: Path, replay: bool, how: How) -> Replay:
     asks = _asks_again(data) if replay else None
     if asks:
         return asks(data, how)
-    if isinstance(data, dict) and data.get("schema") == "handfast/grasp/1":
-        raise InputError(
-            "is a grasp, which claims nothing; an answer is needed, such as the .hold.json that plan puts beside it"
-        )
-    if isinstance(data, dict) and data.get("schema") in SEALED:  # before a proof that takes its time
+    schema = data.get("schema") if isinstance(data, dict) else None
+    kind = KINDS.get(schema, ANSWER) if isinstance(schema, str) else ANSWER
+    if kind != ANSWER:
+        needed = "an answer is needed, as --save writes it, or plan: NUMBER.hold.json"
+        raise InputError(f"is {kind.partition(' (')[0]}, which claims nothing; {needed}")
+    if schema in SEALED:  # before a proof that takes its time
         from handfast.synthesis.embedded_task import refuse_broken
 
         refuse_broken(data)

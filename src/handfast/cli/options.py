@@ -19,6 +19,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from handfast.cli import console
 from handfast.core import bundled
 from handfast.core.errors import FaultsOf, InputError
+from handfast.core.files import KINDS
 from handfast.readers.registry import MESHES, ending
 
 if TYPE_CHECKING:
@@ -169,21 +170,6 @@ def closing_senses(groups: Sequence[Pairs]) -> dict[str, int]:
 HAND = re.compile(r"(menagerie|table1):.*|[a-z0-9_]+_description(:\w+)?|.*\.(urdf|xml|mjcf)(#.*)?", re.IGNORECASE)
 
 
-OTHERS = {  # schemas of files that are given where a grasp is needed: what they are
-    "handfast/body/1": "an object",
-    "handfast/configuration/1": "a configuration (handfast contacts makes a grasp of it)",
-    "handfast/task/1": "a task (handfast grasp finds grasps for it)",
-    "handfast/loads/1": "a file of loads",
-    "handfast/hand-regions/1": "a file of regions",
-    "handfast/result/1": "an answer",
-    "handfast/hold/1": "an answer",
-}
-
-
-NO_TASKS = OTHERS | {"handfast/grasp/1": "a grasp (handfast check asks about it)"}  # where a task is needed
-del NO_TASKS["handfast/task/1"]
-
-
 def refuse_hand(name: str) -> None:
     """`InputError` for a hand, or another file of ours, where a grasp is needed."""
     if HAND.fullmatch(name) or (name in bundled.names("hands") and name not in bundled.names("grasps")):
@@ -199,8 +185,8 @@ def refuse_hand(name: str) -> None:
         several = f"handfast label {name} -o LABELS.jsonl or handfast hold {name} ask about all that are in it"
         raise InputError(f"is a folder, and one grasp file is needed; {several}", source=name)
     schema = _schema(name)
-    if schema in OTHERS:
-        raise InputError(f"is {OTHERS[schema]}, and a grasp is needed", source=name)
+    if schema in KINDS and schema != "handfast/grasp/1":
+        raise InputError(f"is {KINDS[schema]}, and a grasp is needed", source=name)
 
 
 def _schema(name: str) -> str:
@@ -499,8 +485,8 @@ def load_solvable(name: str) -> Task:
     if HAND.fullmatch(name):
         right = f"handfast propose {name} OBJECT writes tasks, handfast plan needs none"
         raise InputError(f"is a hand, and a task is needed; {right}", source=name)
-    if (schema := _schema(name)) in NO_TASKS:
-        raise InputError(f"is {NO_TASKS[schema]}, and a task is needed (handfast propose HAND OBJECT)", source=name)
+    if (schema := _schema(name)) in KINDS and schema != "handfast/task/1":
+        raise InputError(f"is {KINDS[schema]}, and a task is needed (handfast propose HAND OBJECT)", source=name)
     task = load_task(name)
     with FaultsOf(name):
         driver_ranges(task.hand, task.involved.tolist())

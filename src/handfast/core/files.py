@@ -18,6 +18,18 @@ from handfast.proofs import strict_json
 
 SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
 
+ANSWER = "an answer"
+KINDS = {  # schemas of files that are given where others are needed: what they are
+    "handfast/body/1": "an object",
+    "handfast/configuration/1": "a configuration (handfast contacts makes a grasp of it)",
+    "handfast/grasp/1": "a grasp (handfast check asks about it)",
+    "handfast/task/1": "a task (handfast grasp finds grasps for it)",
+    "handfast/loads/1": "a file of loads",
+    "handfast/hand-regions/1": "a file of regions",
+    "handfast/result/1": ANSWER,
+    "handfast/hold/1": ANSWER,
+}
+
 
 class Strict(BaseModel):
     """Base of every file format: unknown fields, NaN and infinity are errors, and so are texts and truth values
