@@ -24,7 +24,6 @@ import argparse
 import json
 import time
 import zlib
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -229,34 +228,29 @@ def report(rows: list[dict]) -> None:
         most = LENGTHS[-1] if lengthwise(case[1]) else ANGLES[-1]
         return (row["margin"] / most, row["processor_seconds"]) if row else (np.inf, np.inf)
 
-    cases = smallest(rows)
+    def size(family: str, amount: float) -> str:
+        return f"{1e3 * amount:.4g} mm" if lengthwise(family) else f"{np.degrees(amount):.4g}°"
+
+    cases, edges = smallest(rows), {(r["task"], r["family"]): r["edge"] for r in rows}
     print("| task | made impossible by | edge | margin proved | boxes | processor time [s] | by |")
     print("|---|---|---:|---:|---:|---:|---|")
-    for name, family in sorted(cases, key=far, reverse=True):
-        row = cases[name, family]
-        edge = next(r["edge"] for r in rows if (r["task"], r["family"]) == (name, family))
-        size = "{:.4g} mm" if lengthwise(family) else "{:.4g}°"
-        edge, margin = (
-            size.format(1e3 * x if lengthwise(family) else np.degrees(x)) for x in (edge, row["margin"] if row else 0.0)
-        )
-        told = f"{margin} | {row['nodes']:,} | {row['processor_seconds']:.2f} | {row['by']}" if row else "none | | |"
-        print(f"| {name} | {family} | {edge} | {told} |")
-    drawn = Counter((task, family.split()[0]) for task, family in cases if " " in family)
+    for case in sorted(cases, key=far, reverse=True):
+        (name, family), row = case, cases[case]
+        told = "none | | |"
+        if row:
+            told = f"{size(family, row['margin'])} | {row['nodes']:,} | {row['processor_seconds']:.2f} | {row['by']}"
+        print(f"| {name} | {family} | {size(family, edges[case])} | {told} |")
     for kind, margins in (("move", LENGTHS), ("turn", ANGLES)):
-        some = {task: count for (task, k), count in drawn.items() if k == kind}
-        if not some:
-            continue
-        units = [f"{1e3 * x:g} mm" if kind == "move" else f"{np.degrees(x):g}°" for x in margins]
-        print(f"\n| task, {kind} | drawn | {' | '.join(f'proved at {u}' for u in units)} | none |")
-        print("|---|" + "---:|" * (len(margins) + 2))
-        for task in sorted(
-            some, key=lambda t: -sum(cases[c] is None for c in cases if c[0] == t and c[1].startswith(kind))
-        ):
-            its = [
-                row for (t, family), row in cases.items() if t == task and family.split()[0] == kind and " " in family
-            ]
-            at = [sum(row is not None and row["margin"] <= x * (1 + 1e-9) for row in its) for x in margins]
-            print(f"| {task} | {len(its)} | {' | '.join(map(str, at))} | {sum(row is None for row in its)} |")
+        drawn: dict[str, list[float]] = {}  # of each task the smallest margins; infinite if none is proved
+        for (name, family), row in cases.items():
+            if family.split()[0] == kind:
+                drawn.setdefault(name, []).append(row["margin"] if row else np.inf)
+        if drawn:
+            print(f"\n| task, {kind} | drawn | {' | '.join(f'proved at {size(kind, x)}' for x in margins)} |")
+            print("|---|" + "---:|" * (len(margins) + 1))
+        for name, its in sorted(drawn.items(), key=lambda one: -np.isinf(one[1]).sum()):
+            at = [sum(x <= margin * (1 + 1e-9) for x in its) for margin in margins]
+            print(f"| {name} | {len(its)} | {' | '.join(map(str, at))} |")
 
 
 def main() -> None:

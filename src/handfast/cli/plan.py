@@ -141,8 +141,8 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
 
             def note(so_far: Plan) -> None:
                 done = sum(g.robust for g in so_far.found)
-                fragile = f" robust, {len(so_far.found) - done} fragile"
-                progress.item(done, max(self.count, self.pool or 0), f"{fragile} · {starts_text(so_far.tally)}")
+                others = f" robust, {len(so_far.found) - done} fragile"
+                progress.item(done, max(self.count, self.pool or 0), f"{others} · {starts_text(so_far.tally)}")
 
             names = _from_anywhere(self.hand), _from_anywhere(self.object)
             laws: dict[str, Any] = {"joint_laws": self.joint_laws, "backdrivable": self.backdrivable}
