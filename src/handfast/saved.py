@@ -103,15 +103,16 @@ def _of_one(path: Path, replay: bool, how: How) -> Replay:
     if asks:
         return asks(data, how)
     schema = data.get("schema") if isinstance(data, dict) else None
-    kind = KINDS.get(schema, ANSWER) if isinstance(schema, str) else ANSWER
-    if kind != ANSWER:
-        needed = "an answer is needed, as --save writes it, or plan: NUMBER.hold.json"
-        raise InputError(f"is {kind.partition(' (')[0]}, which claims nothing; {needed}")
     if schema in SEALED:  # before a proof that takes its time
         from handfast.synthesis.embedded_task import refuse_broken
 
         refuse_broken(data)
-    proved = files.verify(data)
+    try:
+        proved = files.verify(data)
+    except BadFile as fault:
+        if fault.field == "schema" and isinstance(schema, str) and KINDS.get(schema, ANSWER) != ANSWER:
+            raise BadFile(f"{fault.problem}; this is {KINDS[schema]}, which claims nothing", "schema") from None
+        raise
     geometry = _measured(data)
     return replace(proved, parts=(*proved.parts, geometry)) if geometry else proved
 

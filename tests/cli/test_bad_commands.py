@@ -95,7 +95,7 @@ WRONG = {
     "verify no file": (["verify", "none.json"], ["none.json", "no such file"]),
     "verify a grasp": (
         ["verify", "grasp.json"],
-        ["grasp.json: is a grasp, which claims nothing; an answer is needed"],
+        ["grasp.json", "schema", "handfast/result/1", "handfast/certificate/1", "handfast/hold/1", "this is a grasp"],
     ),
     "two numbers": (["check", "grasp.json", "--wrench", "0", "1"], ["--wrench", "2 numbers", "six"]),
     "no numbers": (["check", "grasp.json", "--wrench", "up"], ["--wrench", "'up' is not a number"]),
