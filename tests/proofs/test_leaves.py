@@ -81,6 +81,7 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
 
     family: "planar" is in the plane of x and y, with rows about d_n and c_n alone; two fingers of "soft" are so; motors
     of "geared" turn half as fast as their joints, so that their efforts are unknowns that only (2) of a joint touches.
+    "fingers" have four joints with parallel axes before contact 0, and three before contact 1, two of these parallel.
     either: may multipliers have any sign?
     """
     planar = family == "planar"
@@ -93,6 +94,12 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
         {"name": f"j{j}", "axis": unit(rng).tolist(), "origin": rng.normal(size=3).tolist(), "moves": [j]}
         for j in range(3)
     ]
+    if family == "fingers":
+        axes = [joints[k]["axis"] for k in (0, 0, 0, 0, 1, 1, 2)]
+        joints = [
+            {"name": f"j{j}", "axis": axis, "origin": rng.normal(size=3).tolist(), "moves": [int(j > 3)]}
+            for j, axis in enumerate(axes)
+        ]
     actuators = [{"name": j["name"], "joints": {j["name"]: 0.5}} for j in joints]
     of_hand = {"joints": joints} | ({"mechanism": {"actuators": actuators}} if family == "geared" else {})
     q = question(contacts, [0, 0, 1, 0, 0, 0], LARGEST, **of_hand, direction=[1, 0, 0, 0, 0, 0], preload={"j0": 1.0})
@@ -120,7 +127,10 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
     )
 
 
-@pytest.mark.parametrize("family", ["any", "planar", "soft", "geared"])
+SHARES = {"planar": 0.65, "fingers": 0.8}  # of ranks that are known
+
+
+@pytest.mark.parametrize("family", ["any", "planar", "soft", "geared", "fingers"])
 @pytest.mark.parametrize("seed", range(8))
 def test_ranks_that_are_known_without_elimination_are_none_too_low(seed, family):
     found = systems(seed, family)
@@ -133,7 +143,34 @@ def test_ranks_that_are_known_without_elimination_are_none_too_low(seed, family)
     assert (most <= counted).all()
     alive = np.column_stack([(found.alive[leaves] & block).sum(axis=1) for block in (motions, ~motions)])
     assert ((exact == counted) & (counted < alive)).any(axis=0).all() or family == "planar"
-    assert (exact == most).mean() > (0.65 if family == "planar" else 0.85)  # what chance makes dependent is not known
+    assert (exact == most).mean() > SHARES.get(family, 0.85)  # what chance makes dependent is not known
+
+
+def test_joints_with_parallel_axes_move_a_point_in_a_plane() -> None:
+    """Four before contact 0 have rank 2, three before contact 1, of which two are parallel, all of their own."""
+    found = systems(0, "fingers")
+    by, joints = np.eye(4, dtype=bool)[:3], np.zeros((3, found.equations.columns.n), dtype=bool)
+    joints[:, found.equations.columns.q] = True
+    (first, fewer), (second, none) = found._of_one_contact(joints, by)
+    assert np.flatnonzero(first[0]).tolist() == [6, 7, 8, 9]
+    assert np.flatnonzero(second[1]).tolist() == [10, 11, 12]
+    assert (fewer.tolist(), none.tolist()) == ([2, 0, 0], [0, 0, 0])
+    joints[0, 7] = False  # a row knows it besides
+    assert found._of_one_contact(joints, by)[0][1].tolist() == [1, 0, 0]
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("share", [1e-10, 1e-12])
+def test_multipliers_that_are_rounding_of_a_solver_are_left_out_first(quick: bool, share: float) -> None:
+    """-x >= 0 and x >= 1 contradict each other; a third row with y that is told besides does not cancel."""
+    found = systems(3)
+    value, right = np.zeros((3, found.rows.value.shape[1])), np.array([0.0, 1.0, 0.0])
+    value[:, :2] = [[-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    y, none = np.array([1.0, 1.0, share]), np.zeros(3, dtype=bool)
+    zero, start = np.zeros((1, found.equations.columns.n), dtype=bool), np.array([0, 3])
+    cited = CitedRows(value, right, np.arange(3), none, y, start, zero, none, none)
+    told = LeafSystems(found.equations, found.side, cited, np.inf).proved(quick)[0]
+    assert (told > 0) == (share < 1e-11 or not quick)  # in rational numbers what does not cancel gets 0
 
 
 def shown(family: str, at_least: int) -> list[tuple[LeafSystems, int]]:
@@ -190,12 +227,12 @@ def test_no_multiplier_of_an_inequality_is_negative_in_rational_numbers():
 def with_one_that_hardly_counts(share: float, either: bool = False) -> LeafSystems:
     """A leaf of three rows: -x + share y >= 0, x >= 1 and y >= 0. They cancel with 1, 1 and -share, and with no others.
 
-    The certificate says 1e-12 of the last. either: may its multiplier have any sign?
+    The certificate says 1e-10 of the last. either: may its multiplier have any sign?
     """
     found = systems(3)
     value, right = np.zeros((3, found.rows.value.shape[1])), np.array([0.0, 1.0, 0.0])
     value[:, :2] = [[-1.0, share], [1.0, 0.0], [0.0, 1.0]]
-    y, none = np.array([1.0, 1.0, 1e-12]), np.zeros(3, dtype=bool)
+    y, none = np.array([1.0, 1.0, 1e-10]), np.zeros(3, dtype=bool)
     zero, start = np.zeros((1, found.equations.columns.n), dtype=bool), np.array([0, 3])
     cited = CitedRows(value, right, np.arange(3), np.array([False, False, either]), y, start, zero, none, none)
     return LeafSystems(found.equations, found.side, cited, np.inf)

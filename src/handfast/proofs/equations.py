@@ -155,6 +155,18 @@ class Equations:
                 row[at.scalar.start] = -x
         return E, Z
 
+    def rank_at(self, contact: int, columns: tuple[int, ...]) -> int:
+        """Exactly, the rank of a contact's motion over some unknowns."""
+        known = self._ranks.get((contact, columns))
+        if known is None:
+            Z = self._exact[1][3 * contact : 3 * contact + 3]
+            known = self._ranks[contact, columns] = fmpq_mat([[row[j] for j in columns] for row in Z]).rank()
+        return known
+
+    @cached_property
+    def _ranks(self) -> dict[tuple[int, tuple[int, ...]], int]:
+        return {}
+
     def exact_rows(self, values: Array, equalities: Integers, columns: Integers) -> list[list[fmpq]]:
         """(k + k', c) rows of `row_values` (k, n+3m+a+1+s), then some of E, over some of x alone, exactly."""
         (E, Z), n, out = self._exact, self.columns.n, [rationals(row) for row in values[:, columns]]

@@ -44,7 +44,9 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.rows import UNIT
 from handfast.proofs.structural_rank import as_bits, fewer_columns, fewer_rows, fewest_lines
 
-NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
+# relative: multipliers below the first are taken for 0, as they are most often rounding of a solver; where that shows
+# nothing, those below the second
+NEGLIGIBLE = (1e-11, 1e-13)
 RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK = 128  # systems inverted at a time
@@ -136,17 +138,18 @@ class LeafSystems:
         self.own_h = self.h.copy()
         self.own_h[solved] = 0.0
         v[alone] = self.own_h - (q.inverse.T @ (self.E.T @ self.own_h))
-        self._use(v - (rest + v @ self.E) @ q.inverse)  # once more for what rounding left
+        self.stated_v = v - (rest + v @ self.E) @ q.inverse  # once more for what rounding left
+        self._use(self.stated_v, NEGLIGIBLE[0])
 
-    def _use(self, v: Array) -> None:
+    def _use(self, v: Array, negligible: float = NEGLIGIBLE[1]) -> None:
         """Take v (L, p) as the multipliers of equalities, and those that are not negligible as what is used."""
         closed, size = ~self.rows.zero, np.abs(v)
         E_touches = self.E_touches.astype(float)
         self.top = np.maximum(self._top(self.stated), size.max(axis=1, initial=0.0))
-        self.y = np.where(self.stated > NEGLIGIBLE * self.top[self.leaf], self.stated, 0.0)
+        self.y = np.where(self.stated > negligible * self.top[self.leaf], self.stated, 0.0)
         touches = self.touches[self.which]
         self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
-        counts = size > NEGLIGIBLE * self.top[:, None]
+        counts = size > negligible * self.top[:, None]
         self.used_E, self.v = counts & (closed.astype(float) @ E_touches.T > 0), np.where(counts, v, 0.0)
         self.alive = np.zeros_like(closed)
         if len(self.y):
@@ -208,6 +211,8 @@ class LeafSystems:
             self.more[:, left] = alive[left] - rank, many[left] - 1 - rank
             margins = np.maximum(margins, self._enclosed(self._squares(left)))
         gap = np.abs(self.equations.grasp.gaps).max(initial=0.0)
+        if not (margins > 0).all():
+            self._use(self.stated_v)
         for least, again in ((RANK, False), (RANK, True), *((x, True) for x in COARSE)):
             failed = np.flatnonzero(~(margins > 0))
             if quick or not len(failed):
@@ -275,6 +280,8 @@ class LeafSystems:
           torques about these.
         - Forces of contacts that only the wrench equations touch have no higher rank than there are such, 6 at most;
           those of two contacts 5.
+        - Joints of which the rows know only how they move one contact have no higher rank than its Jacobian: 2 where
+          their axes are parallel, as those of a finger mostly are, see `_of_one_contact`.
 
         by_entries: by the least number of rows and columns that hold all entries, `fewest_lines`, which takes longer.
         Rows and columns of which some combinations are 0 are then replaced by as many fewer that touch what any of them
@@ -285,13 +292,15 @@ class LeafSystems:
         place = np.arange(len(own)) - np.repeat(np.cumsum(self.count[leaves]) - self.count[leaves], self.count[leaves])
         place += self.rows.start[leaves][own]
         own, place = own[self.used[place]], place[self.used[place]]
-        which = self.which[place]
+        which, ends = self.which[place], np.searchsorted(own, np.arange(len(leaves) + 1))
         values, touches = self.rows.value[which] != 0, self.touches[which]
         alive, used_E = self.alive[leaves], self.used_E[leaves]
 
         def of_leaf(rows: Mask) -> Integers:
             """(C, ...) how many of the used rows."""
-            return (np.arange(len(leaves))[:, None] == own).astype(float) @ rows
+            total = np.cumsum(rows, axis=0, dtype=np.int64)
+            total = np.concatenate([np.zeros((1, *rows.shape[1:]), dtype=np.int64), total])
+            return np.asarray(total[ends[1:]] - total[ends[:-1]])
 
         def by_contact(columns: Mask) -> Mask:
             return columns[:, 0::3] | columns[:, 1::3] | columns[:, 2::3]
@@ -305,6 +314,9 @@ class LeafSystems:
         other = (alive & self.E_touches[:6].any(axis=0) & ~forces).any(axis=1)
         torques = np.where(used_E[:, :6].all(axis=1) & ~other, _turns(g, pressed), 0)
         motions = np.arange(at.n) < at.motions
+        others = values[:, at.n + 3 * g.m :].astype(float) @ self._of_others > 0
+        at_once = (of_leaf(values[:, : at.n] | others) > 0) | (used_E.astype(float) @ self.E_touches > 0)
+        joints = self._of_one_contact(alive & ~at_once, by)
         apart = np.zeros_like(used_E)
         if by_entries:
             alone = alive & ~motions & (of_leaf(touches) + used_E.astype(float) @ self.E_touches == 1)
@@ -316,7 +328,8 @@ class LeafSystems:
         lost = np.maximum(of_bare - most, 0)
         if not by_entries:
             counted = []
-            for block, fewer, fewer_of_E in ((motions, turns, 0), (~motions, lost, torques)):
+            still = turns + sum(fewer for _, fewer in joints)
+            for block, fewer, fewer_of_E in ((motions, still, 0), (~motions, lost, torques)):
                 some = alive & block
                 rows = of_leaf((touches & some[own]).any(axis=1)) - fewer_of_E
                 rows += (used_E & (some.astype(float) @ self.E_touches.T > 0)).sum(axis=1)
@@ -324,7 +337,33 @@ class LeafSystems:
             return np.column_stack(counted).astype(np.int64)
         bare_columns = np.zeros_like(alive)
         bare_columns[:, at.c] = alive[:, at.c] & np.repeat(bare, 3, axis=1)
-        return self._most_by_entries(leaves, own, which, apart, motions, bare_columns, (turns, lost, torques))
+        object_motion = np.zeros_like(alive)
+        object_motion[:, at.r] = alive[:, at.r]
+        joined = [(object_motion, turns), (bare_columns, lost), *joints]
+        return self._most_by_entries(leaves, own, which, apart, joined, torques)
+
+    @cached_property
+    def _of_others(self) -> Array:
+        """(a+1+s, n) 1.0 where what is no motion of a contact (actuators, work, soft fingers) knows an unknown."""
+        return (self.equations.Z_size[3 * self.equations.grasp.m :] > 0).astype(float)
+
+    def _of_one_contact(self, alive: Mask, by: Mask) -> list[tuple[Mask, Integers]]:
+        """Joints that rows know by a contact alone: (C, n) which; (C,) by how much its Jacobian's rank is lower.
+
+        alive: (C, n) unknowns that are known by motions of contacts alone. by: (C, m) of which contacts.
+        """
+        q, at, m = self.equations, self.equations.columns, self.equations.grasp.m
+        moves: Mask = np.any(q.Z_size[: 3 * m].reshape(m, 3, at.n) > 0, axis=1)
+        joints = np.zeros(at.n, dtype=bool)
+        joints[at.q] = ~(q.E_size[q.solved[0]][:, at.q] > 0).any(axis=0)
+        alone, out = alive & joints & (by.astype(float) @ moves == 1), []
+        for contact in range(m):
+            mine = alone & moves[contact] & by[:, contact, None]
+            if (mine.sum(axis=1) > 2).any():
+                patterns, place = np.unique(mine, axis=0, return_inverse=True)
+                fewer = [int(x.sum()) - q.rank_at(contact, tuple(np.flatnonzero(x).tolist())) for x in patterns]
+                out.append((mine, np.array(fewer)[place.ravel()]))
+        return out
 
     def _most_by_entries(
         self,
@@ -332,21 +371,20 @@ class LeafSystems:
         own: Integers,
         which: Integers,
         apart: Mask,
-        motions: Mask,
-        bare: Mask,
-        fewer: tuple[Integers, Integers, Integers],
+        joined: list[tuple[Mask, Integers]],
+        torques: Integers,
     ) -> Integers:
         """The same by entries.
 
         own, which: of the used rows, the leaf and which of `CitedRows` it is. apart: (C, p) equations that are counted
-        apart. motions: (n,) columns. bare: (C, n) forces that only the wrench equations touch. fewer: (C,) each, by how
-        much the ranks of the object's motion, of these forces and of the wrench equations are below their number.
+        apart. joined: of disjoint unknowns (C, n), by how much their rank is below their number (C,). torques: (C,)
+        the same of the wrench equations.
         """
-        alive, used_E, object_motion = self.alive[leaves], self.used_E[leaves], np.zeros_like(self.alive[leaves])
-        object_motion[:, self.equations.columns.r] = True
+        alive, used_E = self.alive[leaves], self.used_E[leaves]
         known, equalities = as_bits(self.touches), as_bits(self.E_touches)
-        blocks = (motions, object_motion, fewer[0]), (~motions, bare, fewer[1])
-        of_block = [(as_bits(alive & some), as_bits(alive & joined), less) for some, joined, less in blocks]
+        motions = np.arange(self.equations.columns.n) < self.equations.columns.motions
+        blocks = [as_bits(alive & motions), as_bits(alive & ~motions)]
+        sets = [(as_bits(alive & unknowns), fewer) for unknowns, fewer in joined]
         ends = np.searchsorted(own, np.arange(len(leaves) + 1))
         out = np.zeros((len(leaves), 2), dtype=np.int64)
         for k in range(len(leaves)):
@@ -354,10 +392,12 @@ class LeafSystems:
             rows = [known[i] for i in which[ends[k] : ends[k + 1]]]
             wrench = [equalities[i] for i in np.flatnonzero(used_E[k, :6])]
             others = [equalities[6 + i] for i in np.flatnonzero((used_E[k] & ~apart[k])[6:])]
-            every = [*fewer_rows(wrench, int(fewer[2][k])), *others, *rows]
+            every = [*fewer_rows(wrench, int(torques[k])), *others, *rows]
             lines = [equalities[i] for i in np.flatnonzero(apart[k])]
-            for block, (some, joined, less) in enumerate(of_block):
-                pattern = fewer_columns([row & some[k] for row in every], joined[k], int(less[k]))
+            for block, some in enumerate(blocks):
+                pattern = [row & some[k] for row in every]
+                for unknowns, fewer in sets:
+                    pattern = fewer_columns(pattern, unknowns[k], int(fewer[k]))
                 out[k, block] = fewest_lines(pattern) + sum(row & some[k] > 0 for row in lines)
         return out
 
@@ -512,10 +552,11 @@ def _inverse(B: Array) -> Array:
     """Of each matrix (C, N, N); 0 where there is none."""
     try:
         return np.asarray(np.linalg.inv(B), dtype=np.float64)
-    except np.linalg.LinAlgError:  # one of them is singular
-        if len(B) == 1:
-            return np.zeros(B.shape)
-        return np.concatenate([_inverse(B[: len(B) // 2]), _inverse(B[len(B) // 2 :])])
+    except np.linalg.LinAlgError:  # some of them are singular
+        out, good = np.zeros(B.shape), np.linalg.slogdet(B)[0] != 0
+        if not good.all():
+            out[good] = _inverse(B[good])
+        return out
 
 
 def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
