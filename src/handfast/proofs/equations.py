@@ -155,9 +155,23 @@ class Equations:
                 row[at.scalar.start] = -x
         return E, Z
 
+    @cached_property
+    def moved(self) -> Mask:
+        """(m, n) which contacts an unknown motion moves."""
+        g = self.grasp
+        return np.asarray((self.Z_size[: 3 * g.m] > 0).reshape(g.m, 3, -1).any(axis=1))
+
+    @cached_property
+    def dependent_joints(self) -> list[tuple[int, Mask]]:
+        """Contacts where the motions by their joints are dependent; (n,) bool: these joints."""
+        every, at = np.zeros_like(self.moved), self.columns.q
+        every[:, at] = self.moved[:, at]
+        known = ((k, x, tuple(np.flatnonzero(x).tolist())) for k, x in enumerate(every))
+        return [(k, x) for k, x, columns in known if len(columns) > self.rank_at(k, columns)]
+
     def rank_at(self, contact: int, columns: tuple[int, ...]) -> int:
         """Exactly, the rank of a contact's motion over some unknowns."""
-        known = self._ranks.get((contact, columns))
+        known = self._ranks.get((contact, columns)) if columns else 0
         if known is None:
             Z = self._exact[1][3 * contact : 3 * contact + 3]
             known = self._ranks[contact, columns] = fmpq_mat([[row[j] for j in columns] for row in Z]).rank()

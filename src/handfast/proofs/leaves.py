@@ -314,9 +314,11 @@ class LeafSystems:
         other = (alive & self.E_touches[:6].any(axis=0) & ~forces).any(axis=1)
         torques = np.where(used_E[:, :6].all(axis=1) & ~other, _turns(g, pressed), 0)
         motions = np.arange(at.n) < at.motions
-        others = values[:, at.n + 3 * g.m :].astype(float) @ self._of_others > 0
-        at_once = (of_leaf(values[:, : at.n] | others) > 0) | (used_E.astype(float) @ self.E_touches > 0)
-        joints = self._of_one_contact(alive & ~at_once, by)
+        joints: list[tuple[Mask, Integers]] = []
+        if q.dependent_joints:
+            others = values[:, at.n + 3 * g.m :].astype(float) @ self._of_others > 0
+            at_once = (of_leaf(values[:, : at.n] | others) > 0) | (used_E.astype(float) @ self.E_touches > 0)
+            joints = self._of_one_contact(alive & ~at_once, by)
         apart = np.zeros_like(used_E)
         if by_entries:
             alone = alive & ~motions & (of_leaf(touches) + used_E.astype(float) @ self.E_touches == 1)
@@ -352,17 +354,13 @@ class LeafSystems:
 
         alive: (C, n) unknowns that are known by motions of contacts alone. by: (C, m) of which contacts.
         """
-        q, at, m = self.equations, self.equations.columns, self.equations.grasp.m
-        moves: Mask = np.any(q.Z_size[: 3 * m].reshape(m, 3, at.n) > 0, axis=1)
-        joints = np.zeros(at.n, dtype=bool)
-        joints[at.q] = ~(q.E_size[q.solved[0]][:, at.q] > 0).any(axis=0)
-        alone, out = alive & joints & (by.astype(float) @ moves == 1), []
-        for contact in range(m):
-            mine = alone & moves[contact] & by[:, contact, None]
-            if (mine.sum(axis=1) > 2).any():
-                patterns, place = np.unique(mine, axis=0, return_inverse=True)
-                fewer = [int(x.sum()) - q.rank_at(contact, tuple(np.flatnonzero(x).tolist())) for x in patterns]
-                out.append((mine, np.array(fewer)[place.ravel()]))
+        q, out = self.equations, []
+        alone = alive & (by.astype(float) @ q.moved == 1) & ~(q.E_size[q.solved[0]] > 0).any(axis=0)
+        for contact, joints in q.dependent_joints:
+            mine = alone & joints & by[:, contact, None]
+            patterns, place = np.unique(mine, axis=0, return_inverse=True)
+            fewer = [int(x.sum()) - q.rank_at(contact, tuple(np.flatnonzero(x).tolist())) for x in patterns]
+            out.append((mine, np.array(fewer)[place.ravel()]))
         return out
 
     def _most_by_entries(
