@@ -192,7 +192,9 @@ def shown(family: str, at_least: int) -> list[tuple[LeafSystems, int]]:
     return out
 
 
-@pytest.mark.parametrize(("family", "at_least"), [("any", 22), ("planar", 8), ("soft", 22), ("geared", 25)])
+@pytest.mark.parametrize(
+    ("family", "at_least"), [("any", 22), ("planar", 8), ("soft", 22), ("geared", 25), ("fingers", 22)]
+)
 def test_what_floats_prove_of_rows_by_chance_rational_numbers_prove(family, at_least):
     """Multipliers of any sign and size: a leaf is proved only where some of them cancel every unknown exactly."""
     for found, leaf in shown(family, at_least):  # half of these have fewer independent columns than columns
