@@ -82,8 +82,9 @@ class Proof:
     def checked(self, until: float, known: dict[bytes, Rays]) -> tuple[Proof, bool, Indices]:
         """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
 
-        With other rays where those found do not do: rounded ones, as they were found, and in the middle of all. Until
-        each leaf has one, leaves are asked alone; then the whole is.
+        With other rays where those found do not do: rounded ones, as they were found, and in the middle of all. Leaves
+        that have none are asked alone. At the end those are asked whose rays have changed since all were asked, or that
+        are proved up to a cap; in later rounds, where the tree has changed, all are.
 
         until: [s] of `time.monotonic`, when there is no more time for it.
         known: the best rays that were accepted for `_named` leaves of this search, of which it gets more.
@@ -96,6 +97,7 @@ class Proof:
         if again or not told.ok or told.cap is not None:
             names, rays, tried = self._named(whole), rays_of(whole), rays_of(found)
             left = {k for k, name in enumerate(names) if name not in known}
+            asked = None if again else np.array(sorted({*told.unproved, *told.capped}), dtype=np.int64)
             tried = [known.get(name, ray) for name, ray in zip(names, tried, strict=True)]
             for others in range(3):
                 if others == 1:
@@ -118,7 +120,7 @@ class Proof:
                     break
             if told.unproved:
                 return self, False, whole.leaves[list(told.unproved)]
-            told = checker.verify(found, until)
+            told = checker.verify(found, until, among=asked)  # all others were proved as they are, without a cap
         mended = replace(self, cap=told.cap)
         mended.__dict__["certificate"] = found
         return mended, told.ok, whole.leaves[list(told.unproved)]
