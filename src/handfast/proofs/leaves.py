@@ -358,9 +358,10 @@ class LeafSystems:
         alone = alive & (by.astype(float) @ q.moved == 1) & ~(q.E_size[q.solved[0]] > 0).any(axis=0)
         for contact, joints in q.dependent_joints:
             mine = alone & joints & by[:, contact, None]
-            patterns, place = np.unique(mine, axis=0, return_inverse=True)
-            fewer = [int(x.sum()) - q.rank_at(contact, tuple(np.flatnonzero(x).tolist())) for x in patterns]
-            out.append((mine, np.array(fewer)[place.ravel()]))
+            bits = as_bits(mine)
+            some = {b: tuple(np.flatnonzero(mine[bits.index(b)]).tolist()) for b in set(bits)}
+            fewer = {b: len(columns) - q.rank_at(contact, columns) for b, columns in some.items()}
+            out.append((mine, np.array([fewer[b] for b in bits])))
         return out
 
     def _most_by_entries(
