@@ -193,7 +193,8 @@ def _found(
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)
         for share in MORE:
             raised = grasp.with_preload(np.where(back, command, (1 + settings.gap * share) * command))
-            held = held_under(raised, p, settings, found, clock)
+            few = replace(settings, nodes=min(settings.nodes, MANY)) if share < MORE[-1] else settings
+            held = held_under(raised, p, few, found, clock)
             if held is not None:
                 yield held
     yield found
