@@ -275,9 +275,13 @@ def test_a_bound_of_the_sum_of_commands() -> None:
 def test_a_bound_above_the_command() -> None:
     data = saved()
     data["bounding"]["result"]["answer"]["lower"] = data["answer"]["lower"] = 0.2
-    assert re.fullmatch(r"answer: the bound 0\.2 is above the command 0\.1\d*", reason(data)) or re.match(
-        "up, least commands: ", reason(data)
-    )
+    assert re.fullmatch(r"answer: the bound 0\.2 is above the command 0\.1\d*", reason(data))
+
+
+def test_a_command_limit_that_is_just_kept() -> None:
+    data = saved()
+    data["question"]["command_limit"] = data["answer"]["upper"]
+    assert verify(data).ok
 
 
 def test_a_preload_of_more_than_one_grasp() -> None:

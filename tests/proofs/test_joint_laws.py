@@ -110,6 +110,8 @@ def test_a_joint_at_both_stops_is_tied() -> None:
     e = equivalent_of(grasp([{}, {"stop": "both", "friction": 0.5}, {}], couplings=[[1, 0, 2]]), None, ())
     assert parts(e) == (0, [], [[1, 0, 2], [0, 1, 0]], [], [], [0, 0, 0])
     assert e.held.tolist() == [False, True, False]
+    e = equivalent_of(grasp([{"stop": "both"}, {}, {"stop": "both"}], couplings=[[1, 0, 2]]), None, ())
+    assert e.A.tolist() == [[1, 0, 2], [1, 0, 0], [0, 0, 1]]
 
 
 @pytest.mark.parametrize(("stop", "row"), [("lower", 1.0), ("upper", -1.0)])

@@ -11,7 +11,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
-from handfast.proofs.near import near
+from handfast.proofs.near import _norm, bernstein, least_norm, near
 from handfast.proofs.question import read_question
 from handfast.proofs.states import Problem, State
 from handfast.proofs.tolerance import EPS
@@ -215,3 +215,25 @@ def test_a_load_that_the_direction_cancels_grants_nothing() -> None:
     assert (found.exact, found.tolerant) == (False, False)
     alone = read_question({"grasp": grasp, "goal": "check", "wrench": [0.0] * 6}, "")
     assert prove(Problem.of(alone, alone.grasp.command, alone.wrench), x).tolerant  # 1e-9 of the commands, then
+
+
+def test_a_coupling_may_not_turn_an_actuator_back() -> None:
+    """q = (1e-12, -1) is tied to (-1/2, -1/2): what moved in its sense has moved against it."""
+    joints = [slide("a", [1, 0, 0], 0), slide("b", [-1, 0, 0], 1)]
+    mechanism = Mechanism(("a",), np.array([[1.0, 0.0]]), np.array([[1.0, -1.0]]), (False,))
+    for command in (1.0, -1.0):
+        grasp = between(FRICTION, joints, mechanism, {"a": command})
+        state = {"q": [command * 1e-12, -command], "forces": [[0, 0, 0], [0, 0, 0]], "f": [command]}
+        found = near(*asked(grasp, [0, 1, 0, 0, 0, 0], state))
+        assert (found.missed, found.where) == (np.inf, "the sense of actuator 'a'")
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("ends", [[[3, 0], [0, 4]], [[1, 0], [-1, 1]], [[1, 0], [5, 1], [-3, 2]]])
+def test_the_length_of_a_curve_is_as_near_as_is_said(ends: list[list[float]], scale: float) -> None:
+    a = scale * np.array(ends, dtype=float)[:, None]
+    length, off = _norm(a, least_norm(a))
+    powers = bernstein(len(a) - 1, np.linspace(0, 1, 101))
+    apart = np.abs(powers @ length[:, 0] - np.linalg.norm(powers @ a[:, 0], axis=1)).max()
+    assert apart <= off[0] * (1 + 1e-12)
+    assert off[0] < 10 * scale

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import re
 
+from typing import Any
+
+import numpy as np
 import pytest
 
-from handfast.proofs.ranges import known, merged
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.proofs.fields import BadFile
+from handfast.proofs.grasp import read_grasp
+from handfast.proofs.ranges import DEGREE, Arc, known, least_scale, merged
+from tests.support.exact_states import data
+from tests.support.small_grasp import small_grasp
 
 INF = float("inf")
 Ranges = list[tuple[float, float]]
@@ -172,3 +180,46 @@ def test_merged_ranges() -> None:
     assert merged([(0, 1), (2, 3), (2.5, 4)]) == ((0, 1), (2, 4))
     assert merged([(0, 1), (2, 5), (3, 4)]) == ((0, 1), (2, 5))
     assert merged([(0, 1), (1.0000001, 2)]) == ((0, 1), (1.0000001, 2))
+
+
+# --- arcs ---------------------------------------------------------------------
+
+
+def arc(first: float, last: float, controls: int) -> Arc:
+    state: Any = None
+    return Arc(first, last, (state,) * controls)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "controls", "why"),
+    [
+        (1, 1, 2, "goes from 1 to 1"),
+        (2, 1, 2, "goes from 2 to 1"),
+        (-0.5, 1, 2, "goes from -0.5 to 1"),
+        (0, INF, 2, "goes from 0 to inf"),
+        (0, 1, 1, "has 1 controls"),
+        (0, 1, DEGREE + 2, "has 14 controls"),
+    ],
+)
+def test_what_is_no_arc(first: float, last: float, controls: int, why: str) -> None:
+    with pytest.raises(BadFile, match=why):
+        arc(first, last, controls)
+    assert len(arc(0, 0.5, 2).controls) == 2
+    assert len(arc(0.5, 1, DEGREE + 1).controls) == 13
+
+
+def test_the_least_scale_between_two_loads_by_hand() -> None:
+    """Of forces and torques in one direction the smaller end; beside commands of 0.3 N m at 0.02 m, 15 N."""
+    hinge = GraspJoint("hinge", [0, 0, 1], [0.1, 0, 0], (1,))
+    contacts = [Contact([-0.02, 0, 0], [1, 0, 0], 0.5), Contact([0.02, 0, 0], [-1, 0, 0], 0.5)]
+    loads = np.array([[3.0, 0, 4, 0, 0, 0], [6, 0, 8, 0, 0, 0]])
+    free, squeezed = data(Grasp(contacts, [hinge])), data(Grasp(contacts, [hinge], preload={"hinge": 0.3}))
+    assert least_scale(free, loads) == pytest.approx(5)
+    assert least_scale(free, loads * [[1], [-1]]) == 0  # nothing acts in between
+    assert least_scale(squeezed, loads) == pytest.approx(15)
+    assert least_scale(squeezed, 4 * loads) == pytest.approx(20)
+    # a force through the contacts' middle (1/4, -1/8, 1/8) has no torque there; 10 and 20 N over the size besides
+    g = read_grasp(small_grasp() | {"preload": {}}, "g")
+    g = g.with_command(np.zeros(g.a))
+    turned = np.array([[0, 3, 4, -0.875, -1, 0.75 + 100 * g.size], [0, 3, 4, -0.875, -1, 0.75 + 200 * g.size]])
+    assert least_scale(g, turned) == pytest.approx(100)

@@ -11,7 +11,7 @@ import pytest
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import Question, read_question
-from handfast.proofs.tolerance import ENDLESS, FAR, drives, farthest, load_scale, size_of, slack_units
+from handfast.proofs.tolerance import ENDLESS, FAR, drives, farthest, load_scale, motion_size, size_of, slack_units
 from tests.support.exact_states import data
 from tests.support.small_grasp import small_grasp
 
@@ -28,6 +28,7 @@ def test_the_scale_is_that_of_the_load():
     assert load_scale(g, np.zeros(6)) == pytest.approx(15.0)
     spring = replace(g, torque=np.array([0.0, 40.0]))
     assert load_scale(spring, np.zeros(6)) == pytest.approx(40.0)
+    assert load_scale(data(Grasp(CONTACTS)), np.zeros(6)) == 1.0  # nothing acts
 
 
 def test_the_scale_does_not_depend_on_the_origin():
@@ -100,6 +101,27 @@ def test_constants() -> None:
 )
 def test_the_size_of_a_wrench(wrench: list[float], size: float) -> None:
     assert size_of(read_grasp(small_grasp(), "g"), np.array(wrench)) == pytest.approx(size, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("motion", "off", "size"),
+    [
+        ({0: 3, 1: 4}, {}, 5),
+        # a turn of 8 about z moves the middle (1/4, -1/8, 1/8) by (1, 2, 0)
+        ({0: -1, 1: 5, 5: 8}, {}, 7),
+        ({0: -1, 1: -2, 5: 8}, {}, 8 * SIZE),
+        ({0: 3, 1: 4}, {2: 2}, 7),
+        ({0: 3, 1: 4}, {5: 1}, 5 + SIZE),  # the middle is SIZE away from the origin
+        ({0: -1, 1: -2, 5: 8}, {4: 2}, 10 * SIZE),
+        ({6: -50}, {}, 50 * SIZE),
+        ({6: -50}, {6: 8}, 58 * SIZE),
+    ],
+)
+def test_the_size_of_a_motion_by_hand_is_no_more_than_what_is_said(motion: Any, off: Any, size: float) -> None:
+    g = read_grasp(small_grasp(), "g")
+    v, more = np.zeros(6 + g.l), np.zeros(6 + g.l)
+    v[list(motion)], more[list(off)] = list(motion.values()), list(off.values())
+    assert size <= motion_size(g, v, more) <= size * (1 + 1e-11)
 
 
 def test_drives_by_hand() -> None:
