@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handfast.model.grasp import Contact, Grasp
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
 from handfast.proofs.fields import BadFile, Fields
-from handfast.proofs.states import Laws, Modes, State, read_state
+from handfast.proofs.states import Laws, Modes, State, came_from, read_state
 from tests.support.exact_states import problem
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -74,3 +75,22 @@ def test_a_state_of_a_file_has_its_lengths_and_no_torsion_at_points():
         read_state(Fields(data | {"c": [1.0]}, "witness"), g)
     with pytest.raises(BadFile, match=r"witness.torsion: is not 0 at a point contact"):
         read_state(Fields(data | {"torsion": [-0.1]}, "witness"), g)
+
+
+def test_where_a_step_came_to_by_hand():
+    """Contact 0 opens by 0.8 x 10 + 0.6 x |(3, 4)| = 11, contact 1 presses with 0.5 N, joints and tendons move away."""
+    contacts = [Contact([0, 0, 0], [0, 0, 1], 0.5), Contact([1, 0, 0], [0, 0, 1], 0.5)]
+    joints = [
+        GraspJoint(name, [1, 0, 0], [0, 0, 0], (), "prismatic", stop=stop)
+        for name, stop in (("a", "lower"), ("b", "upper"), ("c", "lower"))
+    ]
+    mechanism = Mechanism(("t", "pulled"), np.array([[3.0, 0, 0], [1, 0, 0]]), np.zeros((0, 3)), (True, True))
+    p = problem(Grasp(contacts, joints, mechanism, {"pulled": 1.0}), [0, 0, -1.0])
+    none = np.zeros(3)
+    r, c = np.array([3.0, 4, 10, 0, 0, 0]), np.array([0.0, 0, 0, 0.5, 0, 0])
+    x = State(r, np.array([2.0, -5, 1e-12]), c, np.zeros(2), np.zeros(0), none, none[:2])
+    came, room = came_from(replace(p, cos=0.8, sin=0.6), x)
+    np.testing.assert_allclose(came.gaps, [11, -0.5])
+    np.testing.assert_allclose(came.stops, [2, 5, 0], atol=0)
+    np.testing.assert_allclose(came.slack, [6, 0], atol=0)
+    np.testing.assert_allclose(room.stops, 2e-9, rtol=1e-3)
