@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flint import fmpq
 
 from handfast.proofs.equations import RightSide, equations_of, power_near
-from handfast.proofs.question import LARGEST, TORQUES, Question
+from handfast.proofs.question import LARGEST, TORQUES, Question, read_question
 from handfast.proofs.tolerance import EPS
 from tests.support.proof_states import pinch
+from tests.support.small_grasp import small_grasp
 
 JOINTS = [{"name": "a", "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": [0]}]
 
@@ -68,3 +70,37 @@ def test_what_grows_is_worst_at_the_first_end_where_multipliers_grow_faster() ->
 
 def test_powers_of_two() -> None:
     assert power_near(np.array([0.0, 1.0, 1.4, 1.5, 6.0, 0.3])).tolist() == [1.0, 1.0, 1.0, 2.0, 8.0, 0.25]
+
+
+SIZE = np.sqrt(0.09375)  # of the small grasp, and how far its middle (1/4, -1/8, 1/8) is from the origin
+
+
+@pytest.mark.parametrize(
+    ("rest", "off", "reach"),
+    [
+        ({0: 3, 1: 4, 3: -0.5, 4: 0.375, 5: 1.375}, {}, 5),  # a force at the middle has no torque there
+        ({0: 3, 1: 4, 3: -0.5, 4: 0.375, 5: 1.375 + 2}, {}, 5 + 2 / SIZE),
+        ({4: 2}, {}, 2 / SIZE),
+        ({}, {2: 3}, 3 + 3),
+        ({}, {3: 4}, 4 / SIZE),
+        ({6: -2}, {}, 2 / SIZE),
+        ({6: -2}, {6: 1}, 3 / SIZE),
+    ],
+)
+def test_how_far_multipliers_reach_where_motions_are_1_by_hand(rest, off, reach) -> None:
+    q = read_question({"grasp": small_grasp(), "goal": "check", "wrench": [0.0] * 6}, "q")
+    made = equations_of(q)
+    rho, more = np.zeros((1, made.columns.n)), np.zeros((1, made.columns.n))
+    rho[0, list(rest)], more[0, list(off)] = list(rest.values()), list(off.values())
+    assert reach <= made.reach(rho, more)[0] <= reach * (1 + 1e-8)
+
+
+def test_exact_rows_are_the_rounded_ones() -> None:
+    """Rows of (1) and (2), and motions, exactly and as floats: all numbers of the small grasp are dyadic."""
+    q = read_question({"grasp": small_grasp(), "goal": "check", "wrench": [0.0] * 6}, "q")
+    made = equations_of(q)
+    for exact, rounded in zip(made._exact, (made.E, made.Z), strict=True):
+        np.testing.assert_array_equal([[float(fmpq(x).p) / float(fmpq(x).q) for x in row] for row in exact], rounded)
+    contacts = made.touching[:6]
+    np.testing.assert_array_equal(made.E[:6, contacts], made.Z[:6, :6].T)  # (1) and (3) have the same G
+    np.testing.assert_array_equal(made.E[6:9, contacts], -made.Z[:6, 6:9].T)
