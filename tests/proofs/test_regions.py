@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from handfast.core.arrays import Array
-from handfast.proofs.fields import Fields
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Interval
-from handfast.proofs.regions import ContactSide, read_region
+from handfast.proofs.regions import DEGREE, ContactSide, read_region
 
 
 def bent(rows: int, columns: int, seed: int) -> list[Any]:
@@ -113,3 +113,35 @@ def test_boxes_that_share_some_contacts_are_as_each_alone(name: str) -> None:
         for a, b in zip(together, alone, strict=True):
             assert a.value.ends[k] == pytest.approx(b.value.ends[0], rel=1e-13, abs=1e-15)
             assert a.slope.ends[:, k] == pytest.approx(b.slope.ends[:, 0], rel=1e-13, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "why"),
+    [
+        (0, {"radius": 0.0}, "is 0; it must be positive"),
+        (0, {"radius": -0.5}, "is -0.5; it must be positive"),
+        (0, {"half_angle": 0.0}, "is 0; it must be positive"),
+        (0, {"half_angle": 3.15}, "pi or less is needed"),
+        (2, {"radius": -0.03}, "is -0.03; it must be positive"),
+        (2, {"angles": [0.1, 0.1]}, "the lower one first"),
+        (2, {"angles": [0.0, 6.3]}, "at most a full turn"),
+        (2, {"heights": [0.05, 0.0]}, "the lower one first"),
+    ],
+)
+def test_what_is_no_region(kind: int, change: dict[str, Any], why: str) -> None:
+    ((name, region),) = REGIONS["kinds that differ"][kind].items()
+    assert read_region(Fields({name: region})).kind == name
+    with pytest.raises(BadFile, match=why):
+        read_region(Fields({name: region | change}))
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "good"), [(1, 2, False), (2, 1, False), (2, DEGREE + 1, True), (2, DEGREE + 2, False)]
+)
+def test_patches_have_two_points_and_no_more_than_are_possible(rows: int, columns: int, good: bool) -> None:
+    points = Fields({"bezier": np.ones((rows, columns, 3)).tolist()})
+    if good:
+        assert read_region(points).numbers["bezier"].shape == (rows, columns, 3)
+    else:
+        with pytest.raises(BadFile, match="points; 2 x 2 to"):
+            read_region(points)
