@@ -67,6 +67,8 @@ def test_what_a_state_may_miss_of_the_loads_is_no_direction() -> None:
 
 def test_of_one_load_nothing_is_said() -> None:
     assert held(stone(0), 0.0, loads=Loads.wrench([0, 0, 1.0])).fewest() == Fewest(1)
+    none = Loads(("none", "up"), np.array([[0.0] * 6, [0, 0, 1, 0, 0, 0]]))  # no load is not one of both signs
+    assert held(stone(0), 0.5, loads=none).fewest() == Fewest(1)
     slanted = Loads(("a", "b"), np.array([[1.0, 0, 0, 0, 0, 0], [-1.0, 0, 1e-6, 0, 0, 0]]))
     assert held(stone(0), 0.0, loads=slanted).fewest() == Fewest(1)
 
@@ -148,6 +150,11 @@ def test_it_needs_weights_from_every_side() -> None:
     assert held(shape, mu, center, loads=flat).fewest() == Fewest(2, "opposed")
     ways = np.array([[1.0, 0, 0], [0, 1, 0], [1, 1, 0]])
     assert held(shape, mu, center, loads=Loads.gravity(body, np.vstack([ways, -ways]))).fewest() == Fewest(2, "opposed")
+    nearly = Loads.gravity(body, np.vstack([ways, -ways]) + [0, 0, 0.01] * np.array([[1], [0], [0], [-1], [0], [0]]))
+    for size in (1e-3, 1.0, 1e3):  # what counts is where weights point, not how large they are
+        assert held(shape, mu, center, loads=replace(nearly, wrenches=size * nearly.wrenches)).fewest().contacts == 2
+        every = Loads.gravity(body)
+        assert held(shape, mu, center, loads=replace(every, wrenches=size * every.wrenches)).fewest().contacts == 3
     off = Loads((*flat.names, "a", "b"), np.vstack([flat.wrenches, [[0, 0, 1.0, 0, 0, 0], [0, 0, -1.0, 0, 0, 0]]]))
     assert held(shape, mu, center, loads=off).fewest() == Fewest(2, "opposed")
 
@@ -340,6 +347,7 @@ def test_claims_are_replayed_and_larger_ones_are_refused() -> None:
     [
         ({"contacts": 0}, "1 or more"),
         ({"friction": -1.0}, "0 or more"),
+        ({"torsion": -0.5}, "0 or more"),
         ({"solids": [{"kind": "cone"}]}, "'sphere'"),
         ({"solids": [{"kind": "sphere", "size": [-1.0]}]}, "not positive"),
         ({"solids": [{"kind": "sphere", "size": [1.0], "pose": (2 * np.eye(4)).tolist()}]}, "not rigid"),
