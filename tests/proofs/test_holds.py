@@ -188,7 +188,8 @@ def test_a_proof_about_other_commands_is_none(good: float, bad: float, backdriva
 
 
 def test_a_preload_of_another_sense_is_none() -> None:
-    held, asked = hold(pressed(0.0, False), DOWN).to_file(), hold(pressed(-0.1, False), DOWN).to_file()
+    less = Loads(("down",), 0.25 * DOWN.wrenches)
+    held, asked = hold(pressed(0.0, False), less).to_file(), hold(pressed(-0.1, False), less).to_file()
     held["bounding"], held["answer"]["lower"] = None, 0
     assert (
         reason(held | {"question": asked["question"]})
