@@ -80,6 +80,7 @@ SIZE = np.sqrt(0.09375)  # of the small grasp, and how far its middle (1/4, -1/8
     [
         ({0: 3, 1: 4, 3: -0.5, 4: 0.375, 5: 1.375}, {}, 5),  # a force at the middle has no torque there
         ({0: 3, 1: 4, 3: -0.5, 4: 0.375, 5: 1.375 + 2}, {}, 5 + 2 / SIZE),
+        ({2: 3, 3: -0.375, 4: -0.75}, {}, 3),
         ({4: 2}, {}, 2 / SIZE),
         ({}, {2: 3}, 3 + 3),
         ({}, {3: 4}, 4 / SIZE),
