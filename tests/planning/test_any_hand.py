@@ -21,7 +21,7 @@ from handfast.geometry.guess_regions import guess_regions
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand import Hand
-from handfast.model.shape import Shape
+from handfast.model.shape import Mesh, Shape
 from handfast.planning.candidates import palm_poses
 from handfast.planning.candidates.palm_poses import STANDARD, palm_of
 from handfast.planning.candidates.surface import SurfaceSampler
@@ -31,6 +31,7 @@ from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanOptions, compared, hand_size
 from handfast.planning.results.folder import PlanFolder
 from handfast.planning.search import RejectionReason, Tally, diagnosis, fruitless
+from handfast.readers.mesh_file import read_mesh
 from handfast.stability.problem.loads import Loads
 from tests.support.unprepared_hands import jaws, overlapping, wristed
 
@@ -240,12 +241,28 @@ def test_a_mesh_in_millimetres_is_refused_with_both_sizes(hand: Hand) -> None:
 def test_a_mesh_in_millimetres_is_refused_before_it_is_taken_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("handfast.cli.load_options.load_body", lambda *_, **__: pytest.fail("was taken apart"))
+    monkeypatch.setattr("handfast.cli.load_options.body_of", lambda *_, **__: pytest.fail("was taken apart"))
     (tmp_path / "mm.obj").write_text(
         "v 0 0 0\nv 90000 0 0\nv 0 90000 0\nv 0 0 90000\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
     )
     assert main(["plan", "barrett-bh8-280", str(tmp_path / "mm.obj"), "--mass", "0.1"]) == 2
     assert "mm: size: is 9e+04 m long, the hand 380 mm; a mesh in millimetres" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["plan", "barrett-bh8-280"], ["show"]])
+def test_a_mesh_is_read_once(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[Path] = []
+
+    def reading(path: Path) -> list[Mesh]:
+        read.append(path)
+        return read_mesh(path)
+
+    monkeypatch.setattr("handfast.readers.load_body.read_mesh", reading)
+    mesh = tmp_path / "corner.obj"
+    mesh.write_text("v 0 0 0\nv .09 0 0\nv 0 .09 0\nv 0 0 .09\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    asked = ["--mass", "0.1", "--attempts", "1"] if command[0] == "plan" else []
+    main([*command, str(mesh), *asked])
+    assert read == [mesh]
 
 
 def sized(radius: float) -> Body:

@@ -29,10 +29,11 @@ from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand import Hand
 from handfast.model.hand.joint_law import laws_named
+from handfast.model.shape import Mesh
 from handfast.pictures.words import num, place_text
 from handfast.planning.question import PlanLimits, SearchOptions
 from handfast.readers.configuration_file import load_configuration
-from handfast.readers.load_body import load_body
+from handfast.readers.load_body import body_of
 from handfast.readers.load_hand import load_hand
 from handfast.readers.registry import MESHES, ending
 from handfast.stability.problem.loads import AXES, Loads, load_loads
@@ -75,10 +76,10 @@ class ObjectOptions:
     center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
     """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
 
-    def load_object(self, name: str, scale: float = 1.0) -> Body:
+    def load_object(self, name: str, scale: float = 1.0, meshes: list[Mesh] | None = None) -> Body:
         """The object of a name as these options want it."""
         about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
-        return load_object(name, scale=scale, **about)
+        return load_object(name, scale=scale, meshes=meshes, **about)
 
 
 @dataclass(kw_only=True)
@@ -116,7 +117,7 @@ def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **abou
     file = bundled.resolve("objects", name)
     if scale != 1 and file.lower().endswith(".json"):
         raise InputError("states its own size; --scale is for mesh files", source=name)
-    return load_body(name, scale=scale, center_of_mass=center_of_mass or None, **about)
+    return body_of(name, scale=scale, center_of_mass=center_of_mass or None, **about)
 
 
 def weight_note(body: Body) -> str:

@@ -30,7 +30,7 @@ from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanOptions, compared, compared_size
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Journal
-from handfast.readers.load_body import load_body, mesh_facts
+from handfast.readers.load_body import load_body, seen_mesh
 from handfast.readers.load_hand import load_hand
 from handfast.readers.registry import MESHES, ending
 from handfast.stability.problem.loads import Loads
@@ -124,14 +124,14 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
         from handfast.planning.results.folder import PlanFolder
 
         begin = time.monotonic()
-        mesh = ending(Path(self.object)) in MESHES
-        if mesh:
+        if ending(Path(self.object)) in MESHES:
             self._refuse_weightless(self.mass)  # before it is taken apart
         with within(self.timeout):
             hand = self.load_own_hand()
-            if mesh and (facts := mesh_facts(Path(self.object), self.scale)):
+            facts, meshes = seen_mesh(Path(self.object), self.scale)
+            if facts:
                 compared_size(hand, max(facts["size"]), Path(self.object).stem, self.scale)
-            body = self.load_object(self.object, self.scale)
+            body = self.load_object(self.object, self.scale, meshes)
         options = replace(options, timeout=max(self.timeout - (time.monotonic() - begin), SHORTEST))
         senses = closing_senses(self.closing)
         hand = hand.with_closing(senses)

@@ -20,7 +20,7 @@ from handfast.core.errors import InputError
 from handfast.pictures import hand_rows
 from handfast.pictures.hand_facts import ShownHand, facts_of, shown_hand, to_json
 from handfast.pictures.words import USUAL, body_text, num, place_text
-from handfast.readers.load_body import mesh_facts
+from handfast.readers.load_body import seen_mesh
 from handfast.readers.load_hand import bundled_hands, load_hand
 from handfast.readers.region_file import load_hand_regions
 from handfast.readers.registry import MESHES, ending
@@ -88,13 +88,13 @@ class Show(JsonOptions, Command):
             if value is not None:
                 raise InputError("is for a hand; an object is shown in one: handfast show HAND OBJECT", field=name)
         begin = time.monotonic()
-        mesh = mesh_facts(Path(bundled.resolve("objects", self.hand)), self.scale)
+        mesh, read = seen_mesh(Path(bundled.resolve("objects", self.hand)), self.scale)
         out = console.out()
         if not self.json and mesh:
             grid = table(["", ""], [(name.replace("_", " "), _said(name, value)) for name, value in mesh.items()])
             grid.show_header = False
             out.print(grid)
-        body = load_object(self.hand, scale=self.scale)
+        body = load_object(self.hand, scale=self.scale, meshes=read)
         about = {
             "name": body.name,
             "pieces": len(body.pieces),

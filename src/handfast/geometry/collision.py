@@ -321,18 +321,18 @@ class Collisions:
         return self._surfaces[key]
 
 
-def always_meeting(scene: Scene, *, count: int = SAMPLES, seed: int = 0) -> tuple[Pair, ...]:
-    """Pairs of `scene.self_pairs` that overlap at every one of `count` configurations within the limits.
+def always_meeting(scene: Scene) -> tuple[Pair, ...]:
+    """Pairs of `scene.self_pairs` that overlap at every one of `SAMPLES` configurations within the limits.
 
     They are drawn uniformly, mimic joints following their drivers. Such an overlap is a fault of the
     collision model, not of a configuration. Links that no joint moves against each other within its limits
     are no such pair: a task that fixes two fingers in each other is at fault itself.
     """
-    hand, rng = scene.hand, np.random.default_rng(seed)
+    hand, rng = scene.hand, np.random.default_rng(0)
     lower, upper = hand.limits.T
     free = {j for j in range(hand.l) if lower[j] < upper[j]}
     left = {p for p in scene.self_pairs if free & (set(hand.moved_by(p[0])) ^ set(hand.moved_by(p[1])))}
-    for _ in range(count):
+    for _ in range(SAMPLES):
         if not left:
             break
         q = np.clip(coupled(hand, lower + rng.random(hand.l) * (upper - lower)), lower, upper)

@@ -44,9 +44,9 @@ class ConicProgram:
         """rows @ x <= right."""
         self._parts["most"].append((rows, right))
 
-    def in_cone(self, rows: Array, offset: Array | None = None) -> None:
-        """rows @ x + offset is in the second-order cone: its first number is at least the length of the rest."""
-        self._parts["cone"].append((-rows, np.zeros(len(rows)) if offset is None else offset))
+    def in_cone(self, rows: Array) -> None:
+        """rows @ x is in the second-order cone: its first number is at least the length of the rest."""
+        self._parts["cone"].append((-rows, np.zeros(len(rows))))
 
     def solve(self, cost: Array, quadratic: Array | None = None) -> Array | None:
         """(n,) the solution; None if nothing meets all rows and cones.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
@@ -12,7 +12,6 @@ from handfast.model.hand.hand import Hand
 from handfast.model.region import Region
 
 Role = Literal["tip", "pad", "palm"]
-ROLES: tuple[Role, ...] = get_args(Role)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -62,11 +62,11 @@ def windowed(ax: Any, middle: Array, half: Array | float) -> tuple[Array, Array]
     return low, high
 
 
-def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float] = CLEAR) -> list[Array]:
+def solids(ax: Any, meshes: Sequence[Mesh], V: Array) -> list[Array]:
     """Triangles, far ones first, shaded by how far they face the viewer; returns the corners of what they cover.
 
     Args:
-        V: (3, 3) rows right, up, towards the viewer. clear: opacity by kind of mesh.
+        V: (3, 3) rows right, up, towards the viewer.
     """
     corners, colors = [], []
     for mesh in meshes:
@@ -76,7 +76,7 @@ def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float]
         light = 0.62 + 0.38 * np.abs(normal / length @ np.array([0.25, 0.35, 0.9]))
         shade = np.clip(light[:, None] * SOLID[mesh.kind], 0, 1)
         corners.append(triangles)
-        colors.append(np.hstack([shade, np.full((len(shade), 1), clear[mesh.kind])]))
+        colors.append(np.hstack([shade, np.full((len(shade), 1), CLEAR[mesh.kind])]))
     if not corners:
         return []
     triangles, color = np.vstack(corners), np.vstack(colors)

@@ -123,9 +123,9 @@ def scene_meshes(hand: Hand, q: Array, body: Body | None, object_pose: Array) ->
     return placed(link_meshes(hand, body), link_poses(hand, q, object_pose))
 
 
-def triangles(meshes: Iterable[Mesh], kind: str = "hand") -> Array:
-    """(n, 3, 3) of all meshes of a kind."""
-    return np.concatenate([np.zeros((0, 3, 3)), *(m.vertices[m.faces] for m in meshes if m.kind == kind)])
+def triangles(meshes: Iterable[Mesh]) -> Array:
+    """(n, 3, 3) of all meshes of the hand."""
+    return np.concatenate([np.zeros((0, 3, 3)), *(m.vertices[m.faces] for m in meshes if m.kind == "hand")])
 
 
 # --- arrows and lines ---

@@ -12,6 +12,7 @@ from handfast.core import bundled
 from handfast.core.errors import FaultsOf, InputError, kinds_checked
 from handfast.model.body import Body
 from handfast.model.mesh_pieces import center_of_volume, checked_scale, joined, solid_of, surface_facts
+from handfast.model.shape import Mesh
 from handfast.readers import registry
 from handfast.readers.body_models import read_folder
 from handfast.readers.mesh_file import read_mesh
@@ -48,13 +49,25 @@ def load_body(
         InputError: no such file, no triangles, NaN, flat, negative mass or friction, zero scale, a
             field that the JSON schema does not know. One line, naming the file.
     """
+    return body_of(source, mass, friction, center_of_mass, scale)
+
+
+def body_of(
+    source: str | Path,
+    mass: float | None = None,
+    friction: float | None = None,
+    center_of_mass: object = None,
+    scale: float = 1.0,
+    meshes: list[Mesh] | None = None,
+) -> Body:
+    """As `load_body`; meshes: of a mesh file, from `seen_mesh`."""
     path = Path(bundled.resolve("objects", str(source)))
     if not os.path.isfile(path) and not os.path.isdir(path):  # False, too, for what can be no name
         known = "an OBJ, STL, PLY, OFF, IV, WRL, URDF, SDF, JSON or XML file"
         raise InputError(f"no such file; {known} is needed", source=str(path))
     with FaultsOf(path):
         checked_scale(scale)
-        parts = _parts(path, scale)
+        parts = _parts(path, scale, meshes)
         if friction is None and parts.friction is None and parts.without_friction:
             LOG.warning("%s: %s", path, parts.without_friction)
         mu = parts.friction if friction is None else friction
@@ -70,20 +83,21 @@ def load_body(
         return replace(body, source=named, scale=parts.scale)
 
 
-def mesh_facts(path: Path, scale: float = 1.0) -> dict[str, Any]:
-    """What a mesh file is like before it is taken apart; {} for other files. See `mesh_pieces.surface_facts`."""
+def seen_mesh(path: Path, scale: float = 1.0) -> tuple[dict[str, Any], list[Mesh] | None]:
+    """What a mesh file is like before it is taken apart (`surface_facts`), and its meshes; {}, None of other files."""
     if path.is_dir() or registry.ending(path) not in registry.MESHES or not os.path.isfile(path):
-        return {}
+        return {}, None
     with FaultsOf(path):
         checked_scale(scale)
-        return surface_facts(read_mesh(path), scale)
+        meshes = read_mesh(path)
+        return surface_facts(meshes, scale), meshes
 
 
-def _parts(path: Path, scale: float) -> ObjectParts:
+def _parts(path: Path, scale: float, meshes: list[Mesh] | None) -> ObjectParts:
     if path.is_dir():
         return read_folder(path, scale)
     if registry.ending(path) in registry.MESHES:
-        meshes = read_mesh(path)
+        meshes = meshes or read_mesh(path)
         vertices, faces = joined(meshes)
         solid = solid_of(meshes, path.name, scale)
         mesh, center = (vertices * scale, faces), center_of_volume([solid])

@@ -149,15 +149,9 @@ def root_of(hand: Hand, mapping: HandMapping, q: Array, pose: Array) -> Array:
     return np.linalg.inv(pose) @ hand.link_poses(q)[link] @ np.linalg.inv(mapping.offset.matrix)
 
 
-def configuration(
-    hand: Hand, mapping: HandMapping, joints: Joints, otherwise: Mapping[str, float] | None = None
-) -> tuple[Array, float]:
-    """(l,) configuration from a file's joints, and by how much the worst of them was past its limit.
-
-    Args:
-        otherwise: of joints that the file does not say, beside the mapping's `values`.
-    """
-    values = dict(mapping.values) | dict(otherwise or {}) | _named(mapping, joints)
+def configuration(hand: Hand, mapping: HandMapping, joints: Joints) -> tuple[Array, float]:
+    """(l,) configuration from a file's joints, and by how much the worst of them was past its limit."""
+    values = dict(mapping.values) | _named(mapping, joints)
     worst = 0.0
     for name, value in values.items():
         lower, upper = hand.limits[hand.joint(name)]

@@ -120,29 +120,25 @@ class Place:
     size: tuple[float, float]
 
 
-def find_places(
-    body: Body, radius: float, *, count: int = 60, seed: int = 0, error: float = ERROR
-) -> tuple[tuple[Place, ...], int]:
+def find_places(body: Body, radius: float, *, count: int = 60, seed: int = 0) -> tuple[tuple[Place, ...], int]:
     """Places spread over an object and those opposite to them; and at how many points no patch was near enough.
 
     Args:
         radius: [m] half a side of the largest patch.
         count: of points that are spread over the surface; as many more may lie opposite.
         seed: of the points that are drawn.
-        error: [m] the farthest that a patch may be from the mesh.
 
     Raises:
-        InputError: a radius or an error that is not positive, a count below 1.
+        InputError: a radius that is not positive, a count below 1.
     """
-    for name, value in (("radius", radius), ("error", error)):
-        if not value > 0:
-            raise InputError(f"is {value:g}; a positive number [m] is needed", field=name)
+    if not radius > 0:
+        raise InputError(f"is {radius:g}; a positive number [m] is needed", field="radius")
     if count < 1:
         raise InputError(f"is {count}; a number from 1 on is needed", field="count")
     surface = _MeshSurface.of(body)
     spread = surface.spread(count, np.random.default_rng(seed))
     across = (surface.opposite(point, normal) for point, normal in spread)
-    found = [surface.place(point, normal, radius, error) for point, normal in [*spread, *filter(None, across)]]
+    found = [surface.place(point, normal, radius) for point, normal in [*spread, *filter(None, across)]]
     return tuple(p for p in found if p), sum(p is None for p in found)
 
 
@@ -209,7 +205,7 @@ class _MeshSurface:
                 return out, self.normals[faces[k]]
         return None
 
-    def place(self, point: Array, normal: Array, radius: float, error: float) -> Place | None:
+    def place(self, point: Array, normal: Array, radius: float) -> Place | None:
         """The largest patch about a point, moved away from edges, over which the normal turns little; or None."""
         for _ in range(2):
             turn, facing = _frame(normal), self._facing(point, normal, radius)
@@ -236,7 +232,7 @@ class _MeshSurface:
             else:
                 points = (point + grid @ turn).reshape(FINE, FINE, 3)
                 fitted = fit_grid(points)
-                if fitted.error_max < error and not self.hidden(points.reshape(-1, 3), normal).any():
+                if fitted.error_max < ERROR and not self.hidden(points.reshape(-1, 3), normal).any():
                     where, out = frozen(point, (3,), "point"), frozen(normal, (3,), "normal")
                     return Place(where, out, fitted.patch, fitted.error_max, (a * radius, b * radius))
         return None
