@@ -58,30 +58,11 @@ class FoundOnPath:
     backing: dict[str, Any]
 
 
-def found_on_path(
-    grasp: Grasp,
-    posed: BoundProblem,
-    names: Sequence[str],
-    together: Callable[[Settings], tuple[Commands | None, int]],
-    settings: Settings,
-    on_progress: OnStep | None,
-) -> FoundOnPath:
-    """Commands of actuators that hold the load of a posed question on its path, and their bound.
+class PathTorques:
+    """Commands of actuators that hold the load of a posed question on its path, and their bound; asked once.
 
     together: the least commands of commands and load together, and nodes.
     """
-    clock = clock_of(settings)
-    search = _PathTorques(grasp, posed, names, together, settings, on_progress, clock)
-    try:
-        search.run()
-        stop = Stop.TIME if search.clock.late else Stop.COMPLETE
-    except KeyboardInterrupt:
-        stop = Stop.INTERRUPTED
-    return search.answer(stop, clock)
-
-
-class _PathTorques:
-    """One call."""
 
     def __init__(
         self,
@@ -91,17 +72,26 @@ class _PathTorques:
         together: Callable[[Settings], tuple[Commands | None, int]],
         settings: Settings,
         on_progress: OnStep | None,
-        clock: SearchLimits,
     ) -> None:
         self.grasp, self.posed, self.names, self.settings = grasp, posed, names, settings
         self.together, self.on_progress, self.nodes = together, on_progress, 0
-        self.clock = SearchLimits(SEARCH * clock.seconds_left)
+        self.total = clock_of(settings)
+        self.clock = SearchLimits(SEARCH * self.total.seconds_left)
         self.p = posed.problem
         sense = {n: float(np.sign(grasp.preload.get(n, 1.0)) or 1.0) for n in names}
         self.senses = np.array([sense.get(n, 0.0) for n in grasp.mechanism.actuators])
         self.sense = sense
         self.best: tuple[float, Commands, LoadPath] | None = None
         self.tried: set[tuple[float, ...]] = set()
+
+    def found(self) -> FoundOnPath:
+        """What is found until the search, or its time, is over, or Ctrl-C ends it."""
+        try:
+            self.run()
+            stop = Stop.TIME if self.clock.late else Stop.COMPLETE
+        except KeyboardInterrupt:
+            stop = Stop.INTERRUPTED
+        return self.answer(stop)
 
     @property
     def sums(self) -> bool:
@@ -242,26 +232,26 @@ class _PathTorques:
                         self.ray(shape)
                         better = True
 
-    def answer(self, stop: Stop, clock: SearchLimits) -> FoundOnPath:
+    def answer(self, stop: Stop) -> FoundOnPath:
         """What was found, with the bound and the path of the commands proved."""
         commands = self.best[1] if self.best else dict.fromkeys(self.names, 0.0)
         whole = BoundProblem(self.under(commands), ANY_STATE)
         sought = PathCommands(whole.question, self.senses, self.sums)
         lower, bound, nodes = 0.0, None, 0
-        if stop is not Stop.INTERRUPTED and self.upper > 0 and not clock.late:
+        if stop is not Stop.INTERRUPTED and self.upper > 0 and not self.total.late:
             from handfast.stability.search.path_bound import path_bound  # with scipy
 
-            limits = SearchLimits(min(clock.seconds_left, BOUND))
+            limits = SearchLimits(min(self.total.seconds_left, BOUND))
             lower, bound, nodes = path_bound(sought, limits, self.upper * (1 - self.settings.gap))
         if self.best:
             path = self.best[2]
-            backing = path.backing(clock.seconds) | {"stop": stop}
+            backing = path.backing(self.total.seconds) | {"stop": stop}
         else:
             none = lower == INF
             ended: Stop = Stop.RESOLUTION if stop is Stop.COMPLETE and not none else stop
             ended = Stop.COMPLETE if none else ended
             verdict = Verdict.SLIPS if none else Verdict.UNDECIDED
-            backing = {"verdict": verdict, "stop": ended, "seconds": clock.seconds, "found": None, "proof": None}
+            backing = {"verdict": verdict, "stop": ended, "seconds": self.total.seconds, "found": None, "proof": None}
             backing |= {"posed": whole, "path": LoadPath(whole, (), ()), "verified": True}
         backing["nodes"] = self.nodes + nodes
         found = commands if self.best else None

@@ -15,7 +15,7 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.path_commands import PathBound, PathCommands
 from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.answers.load_path import comes_after
-from handfast.stability.answers.path_torques import found_on_path
+from handfast.stability.answers.path_torques import PathTorques
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -117,7 +117,7 @@ def _on_path(
             raise KeyboardInterrupt
         return shown_torques(posed, names, found).preload, found.nodes
 
-    found = found_on_path(grasp, posed, names, together, settings, on_progress)
+    found = PathTorques(grasp, posed, names, together, settings, on_progress).found()
     bounds: dict[str, Any] = {"preload": found.commands, "lower": found.lower, "upper": found.upper}
     return TorquesAnswer(**found.backing, **bounds, sought=found.sought, bound=found.bound)
 
