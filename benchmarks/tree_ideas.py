@@ -1,6 +1,6 @@
 """What ideas for smaller trees would give, on the finished trees of grasps that nothing was tuned on.
 
-    python -m benchmarks.tree_ideas [--contacts 4 5 6] [--grasps 6] [--sampled 40]
+    python -m benchmarks.tree_ideas [--contacts 4 5 6] [--grasps 6] [--sampled 40] [--pads 16]
 
 The largest pull of random grasps (`grasps.random_case`, seeds from `FIRST` on) is searched, in one thread, as `maximum`
 does. Then, of each tree:
@@ -14,6 +14,8 @@ does. Then, of each tree:
   the search has it, with the balance's tangent at the parent's point, under that cut too.
 - *Propagation.* The same with lower bounds on c_n from cone programs, for c_n beside |d_t| in
   sum c_n^2 + sum mu c_n |d_t| <= w . r + f_c . t, and as a reason for the contact to be closed; twice.
+- *Pads.* Grasps of three contacts, and the same with two points 3 mm apart in place of each: nodes, and in how many of
+  them a pad has one point open and one closed. A pad that is decided as a whole first cannot save these.
 
 Statuses are the solver's word: this counts, and proves nothing. `saved` are the nodes below those sampled nodes that
 are closed, over the nodes below all that were sampled. Results are kept in results/tree_ideas.json.
@@ -23,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +36,11 @@ from scipy import sparse
 from benchmarks.grasps import presses, random_case
 from benchmarks.machine import describe
 from handfast.core.arrays import Array, Indices
+from handfast.model.grasp import Grasp
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.objective import SMALLEST_PRELOAD
 from handfast.stability.search import arrays, rows
+from handfast.stability.search.cases import CLOSED, OPEN
 from handfast.stability.search.reduced import reduce
 from handfast.stability.search.search import Search
 
@@ -54,9 +59,12 @@ Clause = dict[int, Need]
 def searched(contacts: int, seed: int) -> Search | None:
     """The finished, trimmed search for the largest pull; None where the preload does not press, or none is finite."""
     case = random_case(contacts, seed)
-    if not presses(case.grasp):
-        return None
-    r = reduce(scaled_problem.build(case.grasp, np.zeros(6), case.direction), SMALLEST_PRELOAD)
+    return searched_along(case.grasp, case.direction) if presses(case.grasp) else None
+
+
+def searched_along(grasp: Grasp, direction: Array) -> Search | None:
+    """The same of any grasp."""
+    r = reduce(scaled_problem.build(grasp, np.zeros(6), direction), SMALLEST_PRELOAD)
     s = Search(
         r.beginning(r.boxes[0]), gap=1e-3, gap_absolute=1e-9, workers=1, node_limit=NODES
     )  # the largest pull is the least multiple of the preload for a pull of 1
@@ -65,6 +73,33 @@ def searched(contacts: int, seed: int) -> Search | None:
     s.trim()
     closed = not np.isin(s.pool.status, (arrays.WAITING, arrays.UNRESOLVED)).any()
     return s if closed and s.best < np.inf and len(s.pool.status) > 8 else None
+
+
+# --- pads ---------------------------------------------------------------------------------------
+
+
+def with_pads(grasp: Grasp) -> Grasp:
+    """Two points 3 mm apart in place of each contact."""
+    contacts = []
+    for c in grasp.contacts:
+        side = np.cross(c.normal, np.eye(3)[np.abs(c.normal).argmin()])
+        side *= 1.5e-3 / np.linalg.norm(side)
+        contacts += [replace(c, position=c.position + side), replace(c, position=c.position - side)]
+    joints = [replace(j, moves=tuple(k for i in j.moves for k in (2 * i, 2 * i + 1))) for j in grasp.joints]
+    return Grasp(contacts, joints, preload=grasp.preload)
+
+
+def pads(seed: int) -> dict[str, Any] | None:
+    """Nodes with a point for each of three contacts, with two, and in how many of these both are decided apart."""
+    case = random_case(3, seed)
+    if not presses(case.grasp) or not presses(doubled := with_pads(case.grasp)):
+        return None
+    one, two = (searched_along(g, case.direction) for g in (case.grasp, doubled))
+    if one is None or two is None:
+        return None
+    states = two.pool.states[:, :6].reshape(-1, 3, 2)
+    apart = ((states == OPEN).any(axis=2) & (states >= CLOSED).any(axis=2)).any(axis=1)
+    return {"seed": seed, "nodes": len(one.pool.status), "of_pads": len(apart), "apart": int(apart.sum())}
 
 
 # --- conflict clauses ---------------------------------------------------------------------------
@@ -351,7 +386,9 @@ def main() -> None:
     parser.add_argument("--contacts", nargs="+", type=int, default=[4, 5, 6])
     parser.add_argument("--grasps", type=int, default=6, help="trees of each size")
     parser.add_argument("--sampled", type=int, default=40, help="nodes of each tree")
+    parser.add_argument("--pads", type=int, default=16, help="grasps of three contacts whose points are doubled")
     options = parser.parse_args()
+    doubled = [row for seed in range(FIRST, FIRST + 10 * options.pads) if (row := pads(seed))][: options.pads]
     found: list[dict[str, Any]] = []
     for m in options.contacts:
         seed = FIRST
@@ -361,8 +398,10 @@ def main() -> None:
                 found.append(row(s, m, seed, options.sampled))
                 print(json.dumps(found[-1]), flush=True)
             seed += 1
-    RESULTS.write_text(json.dumps({"machine": describe(), "trees": found}, indent=1) + "\n")
-    print(table(found))
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    kept |= {"machine": describe(), "pads": doubled} | ({"trees": found} if found else {})
+    RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
+    print(*doubled, table(found), sep="\n")
 
 
 if __name__ == "__main__":
