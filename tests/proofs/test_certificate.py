@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -191,3 +193,16 @@ def test_a_small_text_that_stands_for_very_much():
     for name in ("rows", "nodes"):
         with pytest.raises(BadFile, match=r"rows: has .* numbers; at most 1e\+08 are possible"):
             read_certificate_file(data | {name: 10**8}, "")
+
+
+def test_rounded_multipliers_are_shares_of_the_largest_of_their_leaf() -> None:
+    c = proof_certificates.proof()
+    y = np.arange(1.0, len(c.multiplier) + 1) / 64
+    of_leaf = [y[a:b] / y[a:b].max() for a, b in pairwise(c.start)]
+    np.testing.assert_allclose(replace(c, multiplier=y).rounded().multiplier, np.concatenate(of_leaf), rtol=1e-7)
+
+
+def test_multipliers_have_32_or_64_bits() -> None:
+    data = proof_to_dict(proof()) | {"bits": 16}
+    with pytest.raises(BadFile, match="bits: is 16; 32 or 64 is needed"):
+        read_certificate(data, "", proof().question)

@@ -88,6 +88,13 @@ def test_loads_that_miss_what_holds_by_rounding_are_not_refuted(torque, ok):
     assert verify(Certificate.of_root(pinch([1, 0, 0, torque, 0, 0]), None)).ok == ok
 
 
+@pytest.mark.parametrize(("last", "ok"), [(0.9e9, True), (1.1e9, False), (np.inf, False)])
+def test_what_may_be_missed_grows_with_the_load_to_the_end_of_the_range(last: float, ok: bool) -> None:
+    """Neither contact holds the 1 N m about their line; of a load of 1 N times the scalar 1e-9 may be missed."""
+    q = pinch([0, 0, 0, 1, 0, 0], goal=LARGEST, direction=[1, 0, 0, 0, 0, 0])
+    assert verify(Certificate.of_root(q, (1.0, last))).ok == ok
+
+
 @pytest.mark.parametrize("arm", [10.0**k for k in (-3, -6, -8, -10, -13, -17)])
 def test_pivots_that_pass_a_contact_by_rounding_refute_nothing(arm):
     """A free joint whose axis is near the contact that carries 1 N: its torque may be off by 1e-9 N m."""
@@ -124,7 +131,7 @@ def test_planted_faults(name):
     changed, why = PLANTED[name]
     found = verify(proof(**changed))
     assert not found.ok
-    assert found.cap is None
+    assert (found.leaves, found.cap) == (len(changed.get("leaves", LEAVES)), None)
     with pytest.raises(ValueError, match=why):
         raise ValueError(found.reason)
 
@@ -153,6 +160,7 @@ def test_no_time():
     found = verify(proof(), until=time.monotonic() - 1)
     assert not found.ok
     assert found.reason == "there was no time to check it all"
+    assert (found.leaves, found.margin) == (3, -np.inf)
 
 
 def test_sticking_contacts_leave_motions_free():

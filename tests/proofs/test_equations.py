@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from flint import fmpq
@@ -105,3 +108,42 @@ def test_exact_rows_are_the_rounded_ones() -> None:
     contacts = made.touching[:6]
     np.testing.assert_array_equal(made.E[:6, contacts], made.Z[:6, :6].T)  # (1) and (3) have the same G
     np.testing.assert_array_equal(made.E[6:9, contacts], -made.Z[:6, 6:9].T)
+
+
+def test_leaves_together_reach_and_cost_what_each_alone_does() -> None:
+    q = pinch([0, 0, -2, 0, 0, 0], joints=JOINTS)
+    made, rng = equations_of(q), np.random.default_rng(0)
+    (p, n), d = made.E.shape, len(made.of_contacts)
+    given = replace(side(q, None), growth=np.full(p, 0.5), slip_growth=0.25, ends=(1.0, 3.0))
+    rest, off = rng.normal(size=(4, n)), rng.uniform(size=(4, n))
+    costs = rng.normal(size=(4, p)), rng.uniform(size=(4, p)), rng.normal(size=(4, d)), rng.uniform(size=(4, d))
+    slack, grows = given.costs(made, *costs)
+    for k in range(4):
+        assert made.reach(rest[k : k + 1], off[k : k + 1])[0] == pytest.approx(made.reach(rest, off)[k])
+        alone = given.costs(made, *(x[k : k + 1] for x in costs))
+        assert (alone[0][0], alone[1][0]) == pytest.approx((slack[k], grows[k]))
+    grown = given.grown(np.array([2.0, 2.0, 0.0, -1.0]), np.array([1.0, 2.0, -1.0, -2.0]))
+    assert grown == pytest.approx([6, 2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("joint", "arm"),
+    [
+        ({"type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0]}, 3),  # 1 of the object's way, turn and joint
+        ({"type": "prismatic", "axis": [0.8, 0.6, 0], "origin": [0, 0, 0]}, 2.8),
+        ({"type": "prismatic", "axis": [0, 1, 0], "origin": [0, 0, 0]}, 2),
+        # 4 off the normal's line: 4 per unit of a turn, of which there is 1 / 2 where the size is 2
+        ({"type": "revolute", "axis": [0, 0, 1], "origin": [0, 4, 0]}, 4),
+    ],
+)
+def test_how_large_forces_are_where_motions_are_1_by_hand(joint: dict[str, Any], arm: float) -> None:
+    """c_n is |d_n| at most, c_t half of it by friction; what no joint moves has 2."""
+    made = equations_of(pinch([0, 0, -2, 0, 0, 0], size=2.0, joints=[{"name": "a", "moves": [0]} | joint]))
+    zero = np.zeros((1, made.columns.n))
+
+    def reach(force: int) -> float:
+        rest = zero.copy()
+        rest[0, made.columns.c.start + force] = -1.0
+        return float(made.reach(rest, zero)[0])
+
+    assert [reach(k) for k in range(6)] == pytest.approx([arm, arm / 2, arm / 2, 2, 1, 1], rel=1e-5)

@@ -197,6 +197,15 @@ def test_a_preload_of_another_sense_is_none() -> None:
     )
 
 
+def test_a_preload_is_held_by_answers_that_hold_alone() -> None:
+    """A tenth of the preload that is needed: what is saved of the load is a proof that it slips."""
+    data, weak = hold(pressed(0.0, False), DOWN).to_file(), check(pressed(0.1, False), DOWN.wrenches[0])
+    assert weak.verify().ok
+    data["checks"], data["bounding"] = {"down": weak.to_file()}, None
+    data["answer"] |= {"preload": {"j": 0.1}, "upper": 0.1, "lower": 0, "exact": None, "residuals": [None]}
+    assert reason(data) == "answer: down is not resisted"
+
+
 # --- margins ------------------------------------------------------------------------------------------
 
 

@@ -298,3 +298,40 @@ def test_efforts_are_put_in_from_the_balance_of_their_joint():
     assert found.put_in.any(axis=0).all()
     assert not found.F[:, at].any()
     assert not found.E[solved].any()
+
+
+@pytest.mark.parametrize(
+    ("slip", "grows", "energy", "first", "unit", "margin"),
+    [
+        (0.25, 0, 0, False, (1, 1), 0.75),
+        (0.25, 0, 0, False, (8, 0.25), 0.75),  # it is 1 of one row and of the other, whatever their units are
+        (0, 0.125, 0, False, (8, 0.25), 0.5),  # the farther end is 4
+        (0, 0.125, 0, True, (8, 0.25), 0.875),  # the multiplier 1 / 0.25 grows faster, so the first end is worst
+        (0, 0.125, 0, True, (8, 64), 0.5),  # 1 / 64 grows more slowly
+        (0, 0, 0.125, False, (8, 0.25), 1 - 0.125 / 8),
+        (0, 0, 0.125, False, (2**-10, 64), 1 - 0.125 * 2**10),
+    ],
+)
+def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin) -> None:
+    """d_n >= 0 of a contact, -r_x >= 1: their sum is d_n - r_x, which is missed by slip, and grows with the scalar.
+
+    In floating point and in rational numbers. energy: of the first row. first: is the second the scalar's first end?
+    """
+    q = pinch([0] * 6, goal=LARGEST, direction=[1, 0, 0, 0, 0, 0])
+    made = equations_of(q)
+    n = made.columns.n
+    value, none = np.zeros((2, n + len(made.Z))), np.zeros(2, dtype=bool)
+    value[0, n], value[1, 0], right = unit[0], -unit[1], np.array([0.0, unit[1]])
+    side = RightSide.of(q, (1.0, 4.0), len(made.E))
+    side = replace(side, slack=0 * side.slack, growth=0 * side.growth, slip=slip, slip_growth=grows, energy=energy)
+    y, zero, flags = (
+        1 / np.array(unit),
+        np.zeros((1, n), dtype=bool),
+        (np.array([False, first]), np.array([True, False])),
+    )
+    found = LeafSystems(
+        made, side, CitedRows(value, right, np.arange(2), none, y, np.array([0, 2]), zero, *flags), np.inf
+    )
+    assert found.proved(quick=True)[0] == pytest.approx(margin, rel=1e-8)
+    found._choose(np.array([0]), 1e-9)
+    assert exact_margin(found, 0)[0] == pytest.approx(margin, rel=1e-8)

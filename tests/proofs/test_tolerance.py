@@ -28,6 +28,8 @@ def test_the_scale_is_that_of_the_load():
     assert load_scale(g, np.zeros(6)) == pytest.approx(15.0)
     spring = replace(g, torque=np.array([0.0, 40.0]))
     assert load_scale(spring, np.zeros(6)) == pytest.approx(40.0)
+    weak = replace(g, command=g.command / 100, torque=np.array([0.0, 0.25]))
+    assert load_scale(weak, np.zeros(6)) == pytest.approx(0.25)
     assert load_scale(data(Grasp(CONTACTS)), np.zeros(6)) == 1.0  # nothing acts
 
 
@@ -110,6 +112,8 @@ def test_the_size_of_a_wrench(wrench: list[float], size: float) -> None:
         # a turn of 8 about z moves the middle (1/4, -1/8, 1/8) by (1, 2, 0)
         ({0: -1, 1: 5, 5: 8}, {}, 7),
         ({0: -1, 1: -2, 5: 8}, {}, 8 * SIZE),
+        ({1: 1, 2: 1, 3: 8}, {}, 8 * SIZE),  # a turn about x moves the middle by (0, -1, -1)
+        ({0: -0.5, 2: 1, 4: 4}, {3: 1}, 5 * SIZE),  # about y by (1/2, 0, -1); by less than SIZE if it is off by 1
         ({0: 3, 1: 4}, {2: 2}, 7),
         ({0: 3, 1: 4}, {5: 1}, 5 + SIZE),  # the middle is SIZE away from the origin
         ({0: -1, 1: -2, 5: 8}, {4: 2}, 10 * SIZE),
