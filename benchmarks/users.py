@@ -401,7 +401,7 @@ def measured(name: str, versions: list[Version], rounds: int) -> dict[str, Any]:
 
 
 def against_peers(name: str, count: int, batch: int, limit: float) -> dict[str, Any]:
-    """The first grasps of a family by Algorithm 1 on Gurobi: processor and wall time [s]; our mean of a batch."""
+    """The first grasps of a family by Algorithm 1 on Gurobi, and our mean of a batch: processor time [s]."""
     m = FAMILIES[name].contacts
     assert m is not None
     cases = bounded(m, count)

@@ -151,6 +151,14 @@ WRONG = {
         ["contacts", "barrett-bh8-280", "none.obj", "--configuration", "c.json"],
         ["none.obj", "no such file"],
     ),
+    "object that no file can be named": (
+        ["plan", "barrett-bh8-280", "o" * 5000],
+        ["no such file, and no bundled object"],
+    ),
+    "mesh that no file can be named": (
+        ["plan", "barrett-bh8-280", "o" * 5000 + ".obj", "--mass", "1"],
+        ["no such file"],
+    ),
     "unknown hand": (
         ["contacts", "claw", "flat.obj", "--configuration", "c.json"],
         ["claw", "barrett-bh8-280"],

@@ -162,13 +162,7 @@ def test_joints_with_parallel_axes_move_a_point_in_a_plane() -> None:
 @pytest.mark.parametrize("share", [1e-10, 1e-12])
 def test_multipliers_that_are_rounding_of_a_solver_are_left_out_first(quick: bool, share: float) -> None:
     """-x >= 0 and x >= 1 contradict each other; a third row with y that is told besides does not cancel."""
-    found = systems(3)
-    value, right = np.zeros((3, found.rows.value.shape[1])), np.array([0.0, 1.0, 0.0])
-    value[:, :2] = [[-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
-    y, none = np.array([1.0, 1.0, share]), np.zeros(3, dtype=bool)
-    zero, start = np.zeros((1, found.equations.columns.n), dtype=bool), np.array([0, 3])
-    cited = CitedRows(value, right, np.arange(3), none, y, start, zero, none, none)
-    told = LeafSystems(found.equations, found.side, cited, np.inf).proved(quick)[0]
+    told = with_one_that_hardly_counts(0.0, told=share).proved(quick)[0]
     assert (told > 0) == (share < 1e-11 or not quick)  # in rational numbers what does not cancel gets 0
 
 
@@ -225,15 +219,15 @@ def test_no_multiplier_of_an_inequality_is_negative_in_rational_numbers():
     assert any(refused)
 
 
-def with_one_that_hardly_counts(share: float, either: bool = False) -> LeafSystems:
+def with_one_that_hardly_counts(share: float, either: bool = False, told: float = 1e-10) -> LeafSystems:
     """A leaf of three rows: -x + share y >= 0, x >= 1 and y >= 0. They cancel with 1, 1 and -share, and with no others.
 
-    The certificate says 1e-10 of the last. either: may its multiplier have any sign?
+    told: what the certificate says of the last. either: may its multiplier have any sign?
     """
     found = systems(3)
     value, right = np.zeros((3, found.rows.value.shape[1])), np.array([0.0, 1.0, 0.0])
     value[:, :2] = [[-1.0, share], [1.0, 0.0], [0.0, 1.0]]
-    y, none = np.array([1.0, 1.0, 1e-10]), np.zeros(3, dtype=bool)
+    y, none = np.array([1.0, 1.0, told]), np.zeros(3, dtype=bool)
     zero, start = np.zeros((1, found.equations.columns.n), dtype=bool), np.array([0, 3])
     cited = CitedRows(value, right, np.arange(3), np.array([False, False, either]), y, start, zero, none, none)
     return LeafSystems(found.equations, found.side, cited, np.inf)

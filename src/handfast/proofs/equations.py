@@ -20,6 +20,7 @@ from handfast.proofs.question import TORQUES, Question, Range
 from handfast.proofs.rows import UNIT, Columns
 from handfast.proofs.tolerance import EPS, WORK, load_scale, slack_units
 
+SEEMS = 1e-9  # relative: motions of a contact that are this near to dependent ones may be so
 ROUNDED = 64 * UNIT  # relative error of an entry of G and J, of its sum of absolute values
 
 
@@ -163,19 +164,22 @@ class Equations:
 
     @cached_property
     def dependent_joints(self) -> list[tuple[int, Mask]]:
-        """Contacts where the motions by their joints are dependent; (n,) bool: these joints."""
-        every, at = np.zeros_like(self.moved), self.columns.q
-        every[:, at] = self.moved[:, at]
-        known = ((k, x, tuple(np.flatnonzero(x).tolist())) for k, x in enumerate(every))
-        return [(k, x) for k, x, columns in known if len(columns) > self.rank_at(k, columns)]
+        """Contacts where the motions by their joints seem to be dependent; (n,) bool: these joints.
+
+        Numbers without rounding are not made for it: `rank_at` decides, and a contact that is missing proves less.
+        """
+        joints, at = np.zeros_like(self.moved), self.columns.q
+        joints[:, at] = self.moved[:, at]
+        by = (self.Z * self.scale)[: 3 * len(joints)].reshape(len(joints), 3, -1) * joints[:, None]
+        ranks = np.linalg.matrix_rank(by, tol=SEEMS * np.abs(by).max(axis=(1, 2), initial=0.0))
+        return [(k, joints[k]) for k in np.flatnonzero(joints.sum(axis=1) > ranks).tolist()]
 
     def rank_at(self, contact: int, columns: tuple[int, ...]) -> int:
         """Exactly, the rank of a contact's motion over some unknowns."""
-        known = self._ranks.get((contact, columns)) if columns else 0
-        if known is None:
+        if (contact, columns) not in self._ranks:
             Z = self._exact[1][3 * contact : 3 * contact + 3]
-            known = self._ranks[contact, columns] = fmpq_mat([[row[j] for j in columns] for row in Z]).rank()
-        return known
+            self._ranks[contact, columns] = fmpq_mat([[row[j] for j in columns] for row in Z]).rank()
+        return self._ranks[contact, columns]
 
     @cached_property
     def _ranks(self) -> dict[tuple[int, tuple[int, ...]], int]:

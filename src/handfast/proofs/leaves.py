@@ -211,7 +211,7 @@ class LeafSystems:
             self.more[:, left] = alive[left] - rank, many[left] - 1 - rank
             margins = np.maximum(margins, self._enclosed(self._squares(left)))
         gap = np.abs(self.equations.grasp.gaps).max(initial=0.0)
-        if not (margins > 0).all():
+        if not quick and not (margins > 0).all():
             self._use(self.stated_v)
         for least, again in ((RANK, False), (RANK, True), *((x, True) for x in COARSE)):
             failed = np.flatnonzero(~(margins > 0))

@@ -85,7 +85,7 @@ def body_of(
 
 def seen_mesh(path: Path, scale: float = 1.0) -> tuple[dict[str, Any], list[Mesh] | None]:
     """What a mesh file is like before it is taken apart (`surface_facts`), and its meshes; {}, None of other files."""
-    if path.is_dir() or registry.ending(path) not in registry.MESHES or not os.path.isfile(path):
+    if registry.ending(path) not in registry.MESHES or not os.path.isfile(path):
         return {}, None
     with FaultsOf(path):
         checked_scale(scale)
