@@ -42,6 +42,9 @@ def test_a_mesh_needs_a_closed_surface() -> None:
         read(shape).with_faces(np.vstack([shape.faces[:1, ::-1], shape.faces[1:]]))
     with pytest.raises(Refused, match="no mesh"):
         read(Shape("sphere", (1.0,))).with_faces(shape.faces)
+    for out in (-1, len(shape.vertices)):  # no vertex; the others are
+        with pytest.raises(Refused):
+            read(shape).with_faces(np.where(shape.faces == shape.faces[0, 0], out, shape.faces))
     turned = read(shape).with_faces(shape.faces[:, ::-1])  # inside out: closed, and no point is on its inner side
     assert inside(turned, shape.centroid[None])[0] < 0
 

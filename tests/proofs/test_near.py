@@ -13,7 +13,8 @@ from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.near import _norm, bernstein, least_norm, near
 from handfast.proofs.question import read_question
-from handfast.proofs.states import Problem, State
+from handfast.proofs.states import Contact as Kind
+from handfast.proofs.states import Part, Problem, State
 from handfast.proofs.tolerance import EPS
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import GraspLimits
@@ -237,3 +238,57 @@ def test_the_length_of_a_curve_is_as_near_as_is_said(ends: list[list[float]], sc
     apart = np.abs(powers @ length[:, 0] - np.linalg.norm(powers @ a[:, 0], axis=1)).max()
     assert apart <= off[0] * (1 + 1e-12)
     assert off[0] < 10 * scale
+
+
+@pytest.mark.parametrize(("sense", "reaction"), [(1.0, -0.5), (-1.0, 0.5)])
+def test_a_coupling_may_not_turn_a_joint_with_friction_back(sense: float, reaction: float) -> None:
+    """As above: friction of -1/2 N, as the joint closed, is no law once it has opened; and the other way round."""
+    joints = [slide("a", [1, 0, 0], 0, friction=0.5), slide("b", [-1, 0, 0], 1)]
+    mechanism = Mechanism((), np.zeros((0, 2)), np.array([[1.0, -1.0]]), ())
+    grasp = between(FRICTION, joints, mechanism)
+    state = {"q": [sense * 1e-12, -sense], "forces": [[0, 0, 0], [0, 0, 0]], "reaction": [reaction, 0.0]}
+    found = near(*asked(grasp, [0, 1, 0, 0, 0, 0], state))
+    assert (found.missed, found.where) == (np.inf, "the sense of joint 'a'")
+    moved = near(*asked(grasp, [0, 1, 0, 0, 0, 0], state | {"q": [2 * sense, -sense]}))  # to 1/2, in its sense
+    assert moved.missed < np.inf
+    assert moved.modes.joint[0] == (Part.MOVES if sense > 0 else Part.OPENS)
+
+
+D = 1e-10
+
+
+@pytest.mark.parametrize(
+    ("motion", "force", "mode", "changed", "limits"),
+    [
+        ([-1, 0, 0], [1, 0.2, 0], "STICKS", 0, {}),
+        ([-1, 0, D], [1, 0.2, 0], "STICKS", D, {}),  # (3) gives way by the motion across
+        ([-1 + D, 0, 0], [1, 0.2, 0], "STICKS", D, {}),
+        ([-1, 0, 0], [1, 0.5 + D, 0], "STICKS", D, {}),  # outside of the cone by so much
+        (
+            [-1, 0, 0],
+            [1, 0.2, 0],
+            "STICKS",
+            1.5 * D,
+            {"force_limit": 1 - D},
+        ),  # c_n is less, and c_t by friction of that
+        ([-1, 1, 0], [1, -0.5, 0], "SLIDES", 0, {}),
+        ([-1, 1, 0], [1, -0.5, D], "SLIDES", 2 * D, {}),  # 1 N of motion is turned as the friction is
+        ([-1, 4, 0], [1, -0.5 + D, 0], "SLIDES", D, {}),  # too little friction
+        ([-1 + D, 3, 4], [1, -0.3, -0.4], "SLIDES", D, {}),
+        ([-1, 1, 0], [1, -0.5, 0], "SLIDES", 1.5 * D, {"force_limit": 1 - D}),
+        ([1, 0, 0], [D, 0, 0], "OPEN", D, {}),
+        ([1, 5, 0], [0, D, 0], "OPEN", D, {}),
+        ([-D, 5, 0], [0, 0, 0], "OPEN", D, {}),
+    ],
+)
+def test_how_far_a_contact_gives_way_by_hand(motion, force, mode: str, changed: float, limits) -> None:
+    """One contact at the origin with friction 1/2, balanced by the load; a part in 1e10 is off."""
+    p, x = asked(
+        Grasp([Contact([0, 0, 0], [1, 0, 0], FRICTION)], []),
+        [-f + (0.5 if mode == "OPEN" else 0) for f in force] + [0, 0, 0],
+        {"r": [*motion, 0, 0, 0], "forces": [force]},
+        **limits,
+    )
+    found = near(p, x)
+    assert Kind(found.modes.contact[0]).name == mode
+    assert found.changed == pytest.approx(changed, abs=1e-4 * D)
