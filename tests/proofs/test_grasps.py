@@ -1,0 +1,347 @@
+"""Grasps for a task, by hand: what the checker adds to the proofs that a file is made of.
+
+A block of 50 mm between the round fingertips of a gripper, which is driven on its left slide and coupled: with 2 N
+there each fingertip presses with 1 N. Friction is 0.8, so that both hold 1.6 N together: 3.2 times the loads of 0.5 N.
+A second motor, on the right slide, is commanded nothing.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from handfast.planning.results import grasps_file
+from handfast.proofs.fields import BadFile
+from handfast.proofs.grasps import replay_grasps
+from handfast.proofs.replay import Replay
+from handfast.proofs.synthesis import COURSE, NAMES
+from handfast.synthesis.embedded_task import task_to_dict
+from tests.support.holds import grip
+
+Data = dict[str, Any]
+SIDES = {"left_finger": 1.0, "right_finger": -1.0}
+DOWN = [0.0, 0.0, -0.5, 0.0, 0.0, 0.0]
+WIDTH = 0.05  # [m]
+
+
+def state(z: float) -> Data:
+    """Each finger pushes up with z [N]: the tangents of the two contacts are opposite."""
+    forces = [1.0, z, 0.0, 1.0, -z, 0.0]
+    return {"r": [0.0] * 6, "q": [1.0, 1.0], "c": forces, "f": [2.0, 0.0], "coupling": [1.0]}
+
+
+def question() -> Data:
+    weight = {"along": [0.0, 0.0, -1.0], "g": 10.0, "factor": 0.5}
+    return {
+        "object": {"name": "block", "mass": 0.1, "center_of_mass": [0.0, 0.0, 0.0]},
+        "loads": {"down": {"wrench": DOWN}, "weight": {"weight": weight}},
+        "friction": 0.8,
+        "actuators": ["grip"],
+        "eta": 0.0,
+        "torque_limits": {},
+        "force_limit": 60.0,
+        "command_limit": 2.0,
+    }
+
+
+def found() -> Data:
+    """The file of one grasp, which holds three times its loads."""
+    task = grip(WIDTH)
+    contacts = [
+        {"position": [0, y * WIDTH / 2, 0], "normal": [0, -y, 0], "friction": 0.8, "link": link, "depth": 0.0}
+        for link, y in SIDES.items()
+    ]
+    joints = [
+        {"name": name, "type": "prismatic", "axis": [0, -y, 0], "origin": [0, 0.04 * y, 0], "moves": [k]}
+        for k, (name, y) in enumerate((("left_slide", 1.0), ("right_slide", -1.0)))
+    ]
+    actuators = [
+        {"name": name, "joints": {joint: 1.0}, "tendon": False, "backdrivable": name == "spare"}
+        for name, joint in (("grip", "left_slide"), ("spare", "right_slide"))
+    ]
+    labels = ["position:1", "joint:left_slide", *(f"contact:{k}:{x}" for k in (0, 1) for x in "st")]
+    existence = {
+        "schema": "handfast/existence/1",
+        "joints": {"left_slide": 0.015},
+        "position": [0.0, 0.0, 0.095],
+        "quaternion": [1.0, 0.0, 0.0, 0.0],
+        "contacts": [{"link": link, "object": [0.5, 0.5], "hand": None} for link in SIDES],
+        "dependent": labels,
+        "radii": [1e-9, 1e-9, 1e-7, 1e-7, 1e-7, 1e-7],
+    }
+    mechanism = {"actuators": actuators, "couplings": [{"left_slide": -1.0, "right_slide": 1.0}]}
+    grasp = {"schema": "handfast/grasp/1", "name": "grip", "contacts": contacts, "joints": joints}
+    grasp |= {"mechanism": mechanism, "preload": {"grip": 2.0}}
+    motors = grasps_file.motors_to_dict(task.hand)
+    motors["actuators"] = copy.deepcopy(actuators)
+    entry = {"existence": existence, "joints": {"left_slide": 0.015, "right_slide": 0.015}, "grasp": grasp}
+    entry["witnesses"] = {load: state(0.25) for load in ("down", "weight")}
+    entry["strength"] = {"factor": 3.0, "witnesses": {load: state(0.75) for load in ("down", "weight")}}
+    answer = {"verdict": "found", "loads": {"down": DOWN, "weight": DOWN}}
+    data = {"schema": "handfast/grasps/1", "task": task_to_dict(task), "motors": motors, "question": question()}
+    return json.loads(json.dumps(data | {"answer": answer, "grasps": [entry], "checksum": "", "record": {}}))
+
+
+def none(proof: Data, **asked: Any) -> Data:
+    """The file that says that there is no grasp."""
+    data = found() | {"grasps": [], "none": proof}
+    data["answer"]["verdict"] = "none"
+    data["question"] |= asked
+    return data
+
+
+def changed(data: Data, *changes: Callable[[Data], Any]) -> Replay:
+    for change in changes:
+        change(data)
+    return replay_grasps(data)
+
+
+def put(path: str, value: Any) -> Callable[[Data], None]:
+    """Another value at a path, or none if it is `...`."""
+
+    def change(data: Data) -> None:
+        *inner, last = (int(key) if key.isdigit() else key for key in path.split("/"))
+        for key in inner:
+            data = data[key]  # type: ignore[index]
+        if value is ...:
+            del data[last]  # type: ignore[arg-type]
+        else:
+            data[last] = value  # type: ignore[index]
+
+    return change
+
+
+def test_a_grasp_and_what_it_holds_are_proved() -> None:
+    done = replay_grasps(found())
+    assert done.ok, done.reason
+    assert done.name == "grasps"
+    (grasp,) = done.parts
+    assert (grasp.name, grasp.figures) == ("grasp 1", {"factor": 3.0})
+    parts = {part.name: part.claim for part in grasp.parts}
+    held = {name: f"{name} is held" for name in ("down", "weight", "3 times down", "3 times weight")}
+    assert parts == {"configuration": "an exact one exists in its box"} | held
+    assert all(part.figures == {"exact": True, "residual": 0.0} for part in grasp.parts[1:])
+    assert done.not_replayed == ("clearances, scores, lower bounds of commands and the course of the search",)
+
+
+G = "grasps/0/"
+REFUSED = {
+    "other forces": (put(G + "witnesses/weight/c/1", -0.25), "grasp 1: weight: .*missed"),
+    "forces of once": (put(G + "strength/witnesses/down", state(0.25)), "grasp 1: 3 times down: .*missed"),
+    "stronger": (put(G + "strength/factor", 3.1), "grasp 1: 3.1 times down: .*missed"),
+    "no state": (put(G + "witnesses/weight", ...), "grasp 1: has no witness of weight$"),
+    "no state of more": (put(G + "strength/witnesses/weight", ...), "grasp 1: has no witness of 3 times weight$"),
+    "friction": (put("question/friction", 0.9), "grasp 1: friction at its contacts is not 0.9$"),
+    "torsion": (put("question/torsion", 0.001), "grasp 1: torsion at its contacts is not 0.001 m$"),
+    "other motor": (put("question/actuators", ["spare"]), "grasp 1: grip is commanded, which was not asked for$"),
+    "command": (put("question/command_limit", 1.999), "grasp 1: commands go up to 2; the limit is 1.999$"),
+    "force": (put("question/force_limit", 0.999), "grasp 1: down: contact 0 is not proved to keep the force limit"),
+    "torque": (put("question/torque_limits", {"grip": 1.9}), "down: actuator 'grip' is not proved to keep its limit"),
+    "said loads": (put("answer/loads/down", [0.0] * 6), "^the answer is about other loads$"),
+    "said names": (put("answer/loads", {"down": DOWN}), "^the answer is about other loads$"),
+    "not said": (put("answer/loads", None), "^the answer is about other loads$"),
+    "mass": (put("question/object/mass", 0.2), "^the answer is about other loads$"),
+    "centre": (put("question/object/center_of_mass", [0.01, 0.0, 0.0]), "^the answer is about other loads$"),
+    "twice": (lambda data: data["grasps"].append(data["grasps"][0]), "^a grasp is there twice$"),
+    "no grasp": (put("grasps", []), "^FOUND without a grasp$"),
+    "none": (put("answer/verdict", "none"), "^NONE with a grasp$"),
+    "pose": (put(G + "existence/position/1", 1e-6), "grasp 1: configuration: the floats do not meet the equations"),
+    "joint": (put(G + "joints/left_slide", 0.016), "grasp 1: left_slide is not at the value that is proved$"),
+    "coupling": (put(G + "joints/right_slide", 0.016), "grasp 1: right_slide does not follow its coupling$"),
+}
+
+
+@pytest.mark.parametrize(("change", "reason"), REFUSED.values(), ids=REFUSED)
+def test_what_is_said_otherwise_is_refused(change: Callable[[Data], None], reason: str) -> None:
+    fault = changed(found(), change).fault
+    assert re.search(reason, fault), fault
+
+
+def test_what_may_be_left_out_or_is_weaker() -> None:
+    assert changed(found(), put("question/force_limit", ...), put("question/command_limit", ...)).ok
+    assert changed(found(), put("question/torque_limits", {"grip": 2.5, "unknown": 0.1})).ok
+    done = changed(found(), put(G + "strength", ...))
+    assert done.ok
+    assert [part.name for part in done.parts[0].parts] == ["configuration", "down", "weight"]
+    wrenches = [put("question/loads/weight", ...), put("answer/loads/weight", ...), put("question/object/mass", ...)]
+    wrenches += [put(G + "strength", ...), put(G + "witnesses/weight", ...)]
+    assert changed(found(), *wrenches).ok
+    lighter = [put("question/object/mass", 0.05), put("answer/loads/weight", [0.0, 0.0, -0.25, 0.0, 0.0, 0.0])]
+    assert "grasp 1: weight: " in changed(found(), *lighter).fault  # the forces are those of more
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (put("question/friction", -0.1), "friction: is -0.1; 0 or more is needed"),
+        (put("question/torsion", -0.1), "torsion: is -0.1; 0 or more is needed"),
+        (put("question/eta", -0.1), "eta: is -0.1; 0 or more is needed"),
+        (put("question/object/mass", -0.1), "mass: is -0.1; 0 or more is needed"),
+        (put("question/object/mass", 0.0), "weight: needs an object with a mass, and a direction"),
+        (put("question/object/mass", ...), "weight: needs an object with a mass, and a direction"),
+        (put("question/loads/weight/weight/along", [0, 0, 0]), "weight: needs an object with a mass, and a direction"),
+        (put("question/loads", {}), "^question.loads: is empty; at least one load is needed"),
+        (put("question/loads/down", {}), "^question.loads.down: needs either a wrench or a weight"),
+        (put("question/loads/weight/wrench", DOWN), "^question.loads.weight: needs either a wrench or a weight"),
+        (put("question/loads/down/more", 1), "down.*more"),
+        (put("question/loads/weight/weight/more", 1), "weight.*more"),
+        (put("question/more", 1), "more"),
+        (put("question/object/more", 1), "more"),
+        (put("more", 1), "more"),
+        (put(G + "more", 1), "more"),
+        (put(G + "witnesses/more", {}), "more"),
+        (put(G + "strength/more", {}), "more"),
+        (put(G + "witnesses/down/more", 1), "more"),
+        (put("question/actuators", ["thumb"]), "question.actuators: .*thumb"),
+        (put("motors/actuators/0/name", 1), "^motors.actuators.0..name"),
+        (put("answer/verdict", "maybe"), "answer.verdict"),
+        (put("schema", "handfast/grasps/0"), "schema"),
+        (put(G + "strength/factor", 0.99), "factor: is 0.99; 1 or more is needed"),
+    ],
+)
+def test_what_no_file_of_grasps_says(change: Callable[[Data], None], fault: str) -> None:
+    with pytest.raises(BadFile, match=fault):
+        changed(found(), change)
+
+
+def test_torsion_needs_friction() -> None:
+    with pytest.raises(BadFile, match=r"^question\.torsion: is there where friction is 0"):
+        changed(found(), put("question/friction", 0.0), put("question/torsion", 0.001))
+
+
+# --- no grasp, and none that holds more ---------------------------------------------------------------
+
+# the object moves down, along the faces: without friction nothing works against the load
+SLIDES = {"motions": [{"loads": {"down": 1.0}, "twist": [0, 0, -1, 0, 0, 0]}], "tree": [-1]}
+
+
+def test_of_no_grasp_something_is_shown() -> None:
+    done = replay_grasps(none(SLIDES, friction=0.0))
+    assert done.ok, done.reason
+    assert (done.name, done.claim, done.not_replayed) == ("grasps", "", (COURSE, NAMES))
+    (part,) = done.parts
+    assert (part.name, part.figures) == ("balance", {"boxes": 1})
+    assert part.claim.endswith("with a friction of 0 and normal forces up to 60 N no contact forces balance down")
+    assert "boxes are not refuted" in replay_grasps(none(SLIDES)).fault
+    data = none(SLIDES, friction=0.0)
+    assert changed(data, put("answer/verdict", "found")).fault == "FOUND with a proof that there is none"
+    assert changed(data, put("answer/verdict", "undecided")).fault == "UNDECIDED with a proof that there is none"
+    other = changed(none(SLIDES, friction=0.0), put("answer/loads/down", [0.0] * 6))
+    assert (other.name, other.fault, other.parts) == ("grasps", "the answer is about other loads", ())
+    for verdict in ("none", "undecided"):
+        alone = changed(none(SLIDES), put("none", ...), put("answer/verdict", verdict))
+        assert alone.fault == f"{verdict.upper()} rests on the search itself, ask it again"
+
+
+def test_forces_are_limited_by_the_file_and_by_the_motors() -> None:
+    """Each contact gives 0.8 times its normal force: 0.3 N are too few for 0.5 N, 0.32 N are not.
+
+    The motor gives 0.3 N for both fingers. Where a fingertip is touched 0.5 rad from its axis, a normal force c pushes
+    it back with c (cos 0.5 - 0.8 sin 0.5) at least: it is 0.607 N at most, and both contacts hold 0.971 N; a bound that
+    is less than a ninth above is good enough. At 1 rad friction alone keeps the finger where it is.
+    """
+    assert replay_grasps(none(SLIDES, force_limit=0.3)).ok
+    assert "boxes are not refuted" in replay_grasps(none(SLIDES, force_limit=0.32)).fault
+
+    def by_motors(load: float, half_angle: float) -> Replay:
+        wrench = [0.0, 0.0, -load, 0.0, 0.0, 0.0]
+        data = none(SLIDES, loads={"down": {"wrench": wrench}}, torque_limits={"grip": 0.3})
+        data["question"]["force_limit"], data["answer"]["loads"] = None, {"down": wrench}
+        del data["motors"]["actuators"][1:], data["motors"]["laws"]
+        for contact in data["task"]["contacts"]:
+            contact["hand"]["cap"]["half_angle"] = half_angle
+        return replay_grasps(data)
+
+    assert by_motors(1.08, 0.5).ok
+    assert "boxes are not refuted" in by_motors(0.971, 0.5).fault
+    assert "boxes are not refuted" in by_motors(10.0, 1.0).fault
+
+
+def test_weights_say_how_far_the_line_through_two_contacts_is() -> None:
+    """Contacts are within 10 mm of the middle: a centre 60 mm above is 50 mm from each line, or more."""
+    data = none({"motions": [{"loads": {"weight": 1.0}, "twist": [0, 0, -1, 0, 0, 0]}], "tree": [-1]}, friction=0.0)
+    changed(data, put("question/loads/down", ...), put("answer/loads/down", ...))
+    changed(data, put("question/object/center_of_mass", [0.0, 0.0, 0.06]))
+    (part,) = replay_grasps(data).parts
+    assert 0.045 < part.figures["line_distance"] <= 0.05
+    assert "the line through them is at least 4" in part.claim
+    data["question"]["loads"]["push"] = {"wrench": DOWN}
+    data["answer"]["loads"]["push"] = DOWN
+    assert "line_distance" not in replay_grasps(data).parts[0].figures
+
+
+def test_few_contacts_hold_no_loads_of_both_signs() -> None:
+    up = [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
+
+    def file(few: int, **asked: Any) -> Data:
+        data = none({"fewest_contacts": few}, loads={"down": {"wrench": DOWN}, "up": {"wrench": up}}, **asked)
+        data["answer"]["loads"] = {"down": DOWN, "up": up}
+        data["task"]["contacts"] = data["task"]["contacts"][:1]
+        return data
+
+    done = replay_grasps(file(2))
+    assert done.ok
+    assert done.parts[0].claim.startswith("1 contacts cannot hold down, up with a friction of 0.8: loads of both signs")
+    assert (done.parts[0].figures, done.not_replayed) == ({"contacts": 2}, (COURSE, NAMES))
+    assert replay_grasps(file(2, torsion=0.001)).ok
+    assert replay_grasps(file(3)).fault == "balance: shown is only that it takes 2"
+    assert replay_grasps(file(1)).fault == "balance: shown is only that it takes 2"
+
+
+def bounded(factor: float, limit: float = 1.0) -> Data:
+    """Two contacts with 1 N each hold 1.6 N by friction: 3.2 times the loads."""
+    data = found()
+    data["question"]["force_limit"] = limit
+    data["bound"] = SLIDES | {"factor": factor}
+    return data
+
+
+def test_a_bound_is_above_what_any_placement_holds() -> None:
+    done = replay_grasps(bounded(3.21, 1.001))
+    assert done.parts[-1].name == "bound"
+    assert done.parts[-1].ok
+    assert "forces balance 3.21 times or more down" in done.parts[-1].claim
+    assert "bound: 1 of 1 boxes are not refuted" in replay_grasps(bounded(3.2, 1.001)).fault
+    assert replay_grasps(bounded(2.9, 0.5)).fault == (
+        "no placement is said to hold the loads 2.9 times, and a grasp 3 times"
+    )
+    data = bounded(3.21, 1.001)
+    del data["grasps"][0]["strength"]
+    assert replay_grasps(data).ok
+    data["bound"]["factor"] = 0.9
+    assert "no placement is said to hold the loads 0.9 times, and a grasp 1 times" in replay_grasps(data).fault
+    data["answer"]["verdict"], data["grasps"] = "undecided", []
+    assert replay_grasps(data).fault == "UNDECIDED with a bound of what grasps hold"
+
+
+def test_every_configuration_is_discarded() -> None:
+    """A ball of 1.1 m about a point 1 m behind the middle of the left side, and one of 0.5 m about the fingertip.
+
+    Wherever on the square they touch, the middle of the fingertip is 1.1 m - |(0.01, 1.005, 0.01) m| = 94.9 mm deep in
+    the first, so that they overlap by 594.9 mm.
+    """
+
+    def ball(radius: float, y: float, z: float) -> Data:
+        pose = [[1, 0, 0, 0], [0, 1, 0, y], [0, 0, 1, z], [0, 0, 0, 1]]
+        return {"kind": "sphere", "size": [radius], "pose": pose}
+
+    claim = {"link": "left_finger", "solid": 0, "body": None, "other": 0, "point": [0, 0.005, 0.045]}
+    proof = {"contacts": [0], "motions": [], "faces": [], "collisions": [claim], "tree": [-2] * 4}
+    fingers = [{"link": "left_finger", "solids": [ball(0.5, 0.005, 0.045)]}]
+    solids = {"links": fingers, "object": [ball(1.1, -0.975, 0.0)], "depth": 0.594, "pairs": []}
+    done = replay_grasps(none(proof, solids=solids))
+    assert done.ok, done.reason
+    assert done.not_replayed == (COURSE, NAMES, "that the solids are those of hand and object")
+    figures = {"boxes": 4, "contacts": 0, "balance": 0, "slips": 0, "collision": 4}
+    assert (done.parts[0].name, done.parts[0].figures) == ("no grasp", figures)
+    assert "left_finger is more than 594 mm inside the object (100 %) of 4 boxes" in done.parts[0].claim
+    assert "box 0 of the tree is not" in replay_grasps(none(proof, solids=solids | {"depth": 0.596})).fault
+    with pytest.raises(BadFile, match=r"^question\.solids: is missing"):
+        replay_grasps(none(proof))
+    assert "solids" not in found()["question"]
+    assert changed(found(), put("question/solids", solids)).ok  # what is found does not need them
