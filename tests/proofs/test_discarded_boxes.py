@@ -190,6 +190,22 @@ def test_the_wall_is_met_with_the_normals_opposite(pushing: Any) -> None:
     assert alive.tolist() == [True]
 
 
+def test_what_bounds_leave_of_a_box(pushing: Any) -> None:
+    """Of slides from 50 to 200 mm, those up to the limit of 100 mm; a billionth of the side is left beside."""
+    contacts, _, boxes = pushing
+    j = contacts.sides.column["joint:slide"]
+    box = boxes.box.copy()
+    box[0, j] = 0.05, 0.2
+    wide = Boxes.of(contacts, box, boxes.charts)
+    with np.errstate(all="ignore"):
+        alive, kept, _ = contacts.narrowed(box, wide.over, wide.middle)
+    assert alive.tolist() == [True]
+    assert kept[0, j] == pytest.approx([0.05, 0.1], abs=2e-10)
+    assert kept[0, j, 1] > 0.1
+    turns = contacts.root[contacts.turns]
+    assert turns.tolist() == [[-1.0, 1.0]] * 3
+
+
 def test_motions_of_a_finger_and_the_work_of_its_motors(pushing: Any) -> None:
     contacts, motors, boxes = pushing
     moved = hand_motion(contacts, motors, boxes, np.array([[2.0, 3.0]]))

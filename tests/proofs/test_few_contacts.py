@@ -342,6 +342,35 @@ def test_claims_are_replayed_and_larger_ones_are_refused() -> None:
     assert words(Fewest(2)) == "1 contact on its surface cannot hold"
 
 
+def test_meshes_and_limits_are_read_as_they_are_written() -> None:
+    """1 N between two contacts of 0.3 N and a friction of 0.5: 1 / (0.3 x 1.118), so that it takes three."""
+    one = held(stone(1, 5), 0.5, loads=Loads.wrench([0, 0, -1.0]), limit=0.3)
+    (solid,) = said(one)["solids"]
+    assert (solid["vertices"], solid["faces"]) == (one.solids[0].vertices.tolist(), one.solids[0].faces.tolist())
+    done = replay(said(one))
+    assert done.ok
+    assert done.figures == {"contacts": 3}
+    assert "with a friction of 0.5 and normal forces up to 0.3 N, of" in done.claim
+    assert not replay(said(one, force_limit=None)).ok
+    line = held(stone(1, 5), 0.02, stone(1, 5).centroid + 0.004)
+    assert replay(said(line)).figures == {"contacts": 3}
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e12])
+def test_no_load_is_small_or_large_by_itself(size: float) -> None:
+    every = Loads.gravity(Body.of([BALL], mass=1.0))
+    scaled = replace(every, wrenches=size * every.wrenches)
+    assert held(BALL, 0.0, np.zeros(3), loads=scaled).fewest() == Fewest(4, "opposed")
+    turn = Loads.wrench([0, 0, 0, 0, 0, size])
+    assert held(Shape("cylinder", [0.03, 0.1]), 0.0, loads=turn).fewest() == Fewest(None, "turning")
+
+
+def test_the_largest_torque_counts_of_several() -> None:
+    """0.1 and 1e-3 N m at 30 mm from the middle, by 1 N with a friction of 0.75: 0.1 / 0.03 / 1.25 = 2.7 contacts."""
+    turns = Loads(("a", "b"), np.array([[0, 0, 0, 0, 0, 0.1], [0, 0, 0, 0, 0, 1e-3]]))
+    assert held(BALL, 0.75, np.zeros(3), loads=turns, limit=1.0).fewest() == Fewest(3, "force")
+
+
 @pytest.mark.parametrize(
     ("changed", "fault"),
     [
@@ -353,8 +382,8 @@ def test_claims_are_replayed_and_larger_ones_are_refused() -> None:
         ({"solids": [{"kind": "sphere", "size": [1.0], "pose": (2 * np.eye(4)).tolist()}]}, "not rigid"),
         ({"solids": [{"kind": "mesh", "vertices": [[0, 0, 0]], "faces": [[0, 0, 1]]}]}, "not there"),
         ({"more": 1}, "known field"),
-        ({"solids": []}, "is empty"),
-        ({"loads": {}}, "is empty"),
+        ({"solids": []}, "^solids: is empty"),
+        ({"loads": {}}, "^loads: is empty"),
     ],
 )
 def test_faults_of_a_file_are_named(changed: dict[str, Any], fault: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,8 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.existence import Proved, prove
-from handfast.proofs.grasp import GraspData
-from handfast.proofs.near import _norm, bernstein, least_norm, near
+from handfast.proofs.grasp import GraspData, StartData
+from handfast.proofs.near import _norm, bernstein, controls_of, least_norm, near
 from handfast.proofs.question import read_question
 from handfast.proofs.states import Contact as Kind
 from handfast.proofs.states import Part, Problem, State
@@ -292,3 +294,93 @@ def test_how_far_a_contact_gives_way_by_hand(motion, force, mode: str, changed: 
     found = near(p, x)
     assert Kind(found.modes.contact[0]).name == mode
     assert found.changed == pytest.approx(changed, abs=1e-4 * D)
+
+
+@pytest.mark.parametrize(("other", "slip"), [([1, 0.5 + D, 0], [-1, 0, 0]), ([1, 0.2, 0], [-1, 0, D])])
+def test_what_changes_most_is_said(other: list[float], slip: list[float]) -> None:
+    """The first of two contacts at one place is a part in 1e10 off, in force or motion; the second is not."""
+    first, second = Contact([0, 0, 0], [1, 0, 0], FRICTION), Contact([0, 0, 0], [1, 0, 0], 0.0)
+    load = [-other[0] - 1, -other[1], 0, 0, 0, 0]
+    state = {"r": [*slip, 0, 0, 0], "forces": [other, [1, 0, 0]]}
+    for contacts, forces in (([first, second], state["forces"]), ([second, first], state["forces"][::-1])):
+        found = near(*asked(Grasp(contacts, []), load, state | {"forces": forces}))
+        assert found.shown
+        assert found.changed == pytest.approx(D, abs=1e-4 * D)
+
+
+def held_back(mechanism: Mechanism | None = None, **law: object) -> Grasp:
+    """A finger without a motor under a contact that pushes it along -x; another slide beside it moves nothing."""
+    joints = [slide("b", [1, 0, 0], 0, **law), slide("free", [0, 1, 0], friction=0.5)]
+    return Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, mechanism or Mechanism.direct([]), {})
+
+
+@pytest.mark.parametrize(("reaction", "missed"), [(0.5, 0.0), (0.5 + D, D), (0.5 + 0.1, 0.1), (-0.5, 1.0)])
+def test_friction_of_a_joint_at_rest_is_no_more_than_its_law(reaction: float, missed: float) -> None:
+    """It pushes back with the load, and its friction is 0.5 N in either sense."""
+    push = abs(reaction)
+    mechanism = Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ())
+    state = {"r": [-push, 0, 0, 0, 0, 0], "forces": [[push, 0, 0]], "reaction": [reaction, 0.0]}
+    found = near(*asked(held_back(mechanism, friction=0.5), [-push, 0, 0, 0, 0, 0], state))
+    assert found.missed == pytest.approx(missed / push, rel=1e-5, abs=1e-14)
+    assert found.shown == (missed < 1e-9)
+
+
+def test_a_joint_is_held_where_its_stop_is_and_another_where_it_stands() -> None:
+    """The finger had moved 0.4 away from its stop, and is back there but for a part in 1e12."""
+    mechanism = Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ())
+    state = {"r": [-1.4, 0, 0, 0, 0, 0], "q": [-0.4 + 1e-12, 1e-12], "forces": [[1, 0, 0]], "reaction": [1.0, 0.0]}
+    p, x = asked(held_back(mechanism, stop="lower"), [-1, 0, 0, 0, 0, 0], state)
+    p = replace(p, grasp=p.grasp.with_start(StartData(np.zeros(1), np.array([0.4, 0.0]), np.zeros(0))))
+    found = near(p, x)
+    assert found.shown, found
+    assert found.modes.joint.tolist() == [Part.BACK, Part.RESTS]
+    assert found.changed == pytest.approx(1e-12, rel=1e-3)
+    beyond = near(p, replace(x, q=np.array([-0.5, 0.0]), r=np.array([-1.5, 0, 0, 0, 0, 0])))
+    assert (beyond.missed, beyond.where) == (np.inf, "the stop of joint 'b'")
+
+
+def test_a_command_is_within_the_limit_of_its_motor() -> None:
+    """A finger at rest carries 1 N, all that its motor may, where 5e-10 N more are commanded: 1e-9 grants no such."""
+    mechanism = Mechanism(("m",), np.array([[1.0, 0.0]]), np.zeros((0, 2)), (False,))
+    state = {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]], "f": [1.0]}
+    p, x = asked(held_back(mechanism), [-1, 0, 0, 0, 0, 0], state)
+    for command, limit, shown in ((1 + 5e-10, np.inf, True), (1 + 5e-10, 1.0, False), (1.0, 1.0, True)):
+        own = replace(p, grasp=p.grasp.with_command(np.array([command])), torque_limit=np.array([limit]))
+        found = near(own, x)
+        assert found.shown == shown, (command, limit)
+        assert shown or (found.missed, found.where) == (np.inf, "the limit of actuator 'm'")
+    # what nobody commands is locked, and carries in either sense
+    push = near(p, x)
+    assert push.shown
+    assert push.modes.actuator.tolist() == [Part.LOCKED]
+    back = {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]], "f": [-1.0]}
+    other = Mechanism(("m",), np.array([[-1.0, 0.0]]), np.zeros((0, 2)), (False,))
+    assert near(*asked(held_back(other), [-1, 0, 0, 0, 0, 0], back)).shown
+
+
+def test_a_contact_opens_as_it_slides_where_its_normal_is_not_known() -> None:
+    """By -0.8 x 3.7 + 0.6 x 5 = 0.04, but not by -0.8 x 3.8 + 3; the other presses by 3.2 less 0.6 times its slip."""
+    contacts = [Contact([0, 0, 0], [1, 0, 0], 0.5), Contact([0, 0, 0], [0, 0, -1], 0.0)]
+    for closer, shown in ((3.7, True), (3.8, False)):
+        pressed = 0.8 * 4 - 0.6 * np.hypot(closer, 3)
+        state = {"r": [-closer, 3, 4, 0, 0, 0], "forces": [[0, 0, 0], [0, 0, -pressed]]}
+        p, x = asked(Grasp(contacts, []), [0, 0, pressed, 0, 0, 0], state)
+        found = near(replace(p, cos=0.8, sin=0.6), x)
+        assert found.shown == shown
+        assert shown or found.where == "the law of contact 0"
+        twisted = near(p, replace(x, torsion=np.array([0.1, 0.0])))
+        assert (twisted.missed, twisted.where) == (np.inf, "torsion of a point contact")
+
+
+def test_control_values_are_those_of_a_polynomial() -> None:
+    """t^2 and 2 t (1 - t) from their values at 0, 1/2 and 1; lengths of curves beside others are as near as alone."""
+    values = np.array([[0, 0], [0.25, 0.5], [1, 0]])
+    assert controls_of(2) @ values == pytest.approx(np.array([[0, 0], [0, 1], [1, 0]]), abs=1e-15)
+    a = np.array([[1, 0], [5, 1], [-3, 2]], dtype=float)[:, None]
+    small, straight = 1e-3 * a, np.array([[1, 0], [2, 0], [3, 0]], dtype=float)[:, None]
+    together = np.concatenate([a, small, straight], axis=1)
+    length, off = _norm(together, least_norm(together))
+    for k, one in enumerate((a, small, straight)):
+        alone, apart = _norm(one, least_norm(one))
+        assert length[:, k] == pytest.approx(alone[:, 0])
+        assert off[k] == pytest.approx(apart[0], abs=1e-14)
