@@ -13,15 +13,27 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import states
 from handfast.proofs.balls import Balls, refined
-from handfast.proofs.existence import AWAY, TRIES, _inside, nearby, polished, prove, slacks
+from handfast.proofs.existence import (
+    AWAY,
+    TRIES,
+    _inside,
+    inequalities,
+    nearby,
+    polished,
+    prove,
+    row_name,
+    slacks,
+)
 from handfast.proofs.grasp import StartData
-from handfast.proofs.newton import BITS, Box, System
+from handfast.proofs.newton import BITS, Box, NotShown, System
 from handfast.proofs.question import read_question
+from handfast.proofs.states import Contact as Contact_
 from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.studies.questions import check, maximum
+from tests.support.every_law import every_law
 from tests.support.exact_states import data, moved, problem, state
 from tests.support.law_grasps import DOWN, jaw
 
@@ -510,3 +522,102 @@ def test_a_state_at_the_edge_of_its_modes_is_moved_inside(family):
     system = System.of(edge, modes, x, False)
     assert kept(x) < 1e-12
     assert kept(_inside(system)) > 0.5 * AWAY * p.scale
+
+
+def test_by_how_much_every_inequality_is_kept_by_hand():
+    """All over a box whose radii are 0.1 for motions at contacts, else one of a few parts; in a step."""
+    p = replace(every_law((1.0, 0, 0), 0.4, 0.25, force_limit=10.0), cos=0.8, sin=0.6)
+    d, phi = np.zeros(17), np.zeros(17)
+    d_off, phi_off = np.full(17, 0.05), np.full(17, 0.02)
+    d[:3], d_off[:9] = (2, 3, 4), 0.1
+    phi[3:6], phi_off[3:6] = (4, 0.3, 0.4), 0.01
+    phi[6:9] = 10.0, -3.0, -4.0
+    d[9:11], phi[9:11] = (-0.7, 0.5), (-4.0, 0.0)
+    d[12:14], phi[12:14] = (0.3, -0.3), (0.3, 0.9)
+    d_off[16] = phi_off[16] = 0.0
+    kinds = np.array([Contact_.OPEN, Contact_.STICKS, Contact_.SLIDES])
+    modes = Modes(
+        kinds, np.array([False, False, True]), np.array([Part.RESTS, Part.MOVES]), np.zeros(4, dtype=np.int64)
+    )
+    modes.joint[:] = Part.RESTS, Part.BACK, Part.FREE, Part.LOCKED
+    box = Box(np.zeros(10), np.zeros(10), d, d_off, phi, phi_off)
+    found = {(name, fault.removeprefix("is not proved to ")): (x, on) for name, fault, x, on in slacks(p, modes, box)}
+
+    def kept(name, fault, k, value, applies):
+        x, on = found.pop((name, fault))
+        assert x[k] == pytest.approx(value, abs=1e-12), fault
+        assert on.tolist() == [bool(b) for b in applies], fault
+
+    slides = 5 - np.hypot(0.1, 0.1)
+    kept("contact {}", "be open", 0, 1 + 0.8 * (2 - 0.1) + 0.6 * slides, (1, 0, 0))
+    kept("contact {}", "press", 1, 4 - 0.01, (0, 1, 1))
+    kept("contact {}", "be inside its friction cone", 1, 0.5 * 3.99 - 0.5 - np.hypot(0.01, 0.01), (0, 1, 0))
+    kept("contact {}", "keep the force limit", 1, 10 - 4 - 0.01, (0, 1, 0))  # the third is at the limit
+    kept("actuator {}", "carry its command", 0, (4 - 3 - 0.02) * 4, (1, 1))  # 1 N more, of 4 N at the contacts
+    kept("actuator {}", "move in its sense", 1, 0.5 + 0.25 - 0.05, (0, 1))  # it was 0.25 slack
+    kept("actuator {}", "keep its limit", 0, (6 - 4 - 0.02) * 4, (1, 0))
+    kept("joint {}", "carry its reaction", 0, 0.5 - 0.3 - 0.02, (1, 0, 0, 0))
+    kept("joint {}", "close", 0, 0.3 - 0.05, (0, 0, 0, 0))
+    kept("joint {}", "open", 1, (0.3 - 0.05) / 0.5, (0, 0, 0, 0))
+    kept("joint {}", "stay off its stop", 1, (0.4 - 0.3 - 0.05) / 0.5, (0, 0, 0, 0))
+    kept("joint {}", "lean on its stop", 1, (0.9 - 0.5 - 0.02) * 0.5, (0, 1, 0, 0))
+    assert not found
+    # forces that are given, by commands, limits and laws, are so exactly
+    phi[9], phi[12], phi_off[9], phi_off[12] = -6.0, -0.5, 0.0, 0.0
+    modes.joint[:2] = Part.MOVES, Part.OPENS
+    again = {fault: (x, on) for _, fault, x, on in slacks(p, modes, box)}
+    assert again["is not proved to keep its limit"][0][0] == 0
+    assert again["is not proved to carry its reaction"][0][0] == 0
+    assert again["is not proved to close"][1].tolist() == [True, False, False, False]
+    assert again["is not proved to open"][1].tolist() == [False, True, False, False]
+    assert again["is not proved to stay off its stop"][1].tolist() == [False, True, False, False]
+    phi[9], phi_off[9] = -3.0, 0.02
+    assert {fault: x for _, fault, x, _ in slacks(p, modes, box)}["is not proved to carry its command"][0] == 0
+
+
+@pytest.mark.parametrize(
+    ("part", "row", "value", "said", "name"),
+    [
+        ("phi", 3, 0.5, "contact 1 is not proved to be inside its friction cone: -2.50e-01 N", "contact 1"),
+        ("phi", 9, -2.9, "actuator 'motor' is not proved to carry its command: -4.00e-01 N", "actuator 0"),
+        ("phi", 9, -6.1, "actuator 'motor' is not proved to keep its limit: -4.00e-01 N", "actuator 0"),
+        ("d", 10, -1.0, "actuator 'tendon' is not proved to move in its sense: -7.50e-01 N", "actuator 1"),
+        ("phi", 12, 0.6, "joint 'rubs' is not proved to carry its reaction: -1.00e-01 N", "joint 0"),
+        ("phi", 13, 0.3, "joint 'stopped' is not proved to lean on its stop: -1.00e-01 N", "joint 1"),
+    ],
+)
+def test_what_is_wrong_is_named(part, row, value, said, name):
+    p = every_law((1.0, 0, 0), 0.4, 0.25, force_limit=10.0)
+    at = {"d": np.zeros(17), "phi": np.zeros(17)}
+    at["phi"][[3, 4, 6, 9, 10, 13]] = 4, 0.5, 2, -4, 0.3, 0.9
+    kinds = np.array([Contact_.OPEN, Contact_.STICKS, Contact_.SLIDES])
+    joints = np.array([Part.RESTS, Part.BACK, Part.FREE, Part.LOCKED])
+    modes = Modes(kinds, np.zeros(3, dtype=bool), np.array([Part.RESTS, Part.MOVES]), joints)
+
+    def box():
+        return Box(np.zeros(10), np.zeros(10), at["d"], np.zeros(17), at["phi"], np.zeros(17))
+
+    assert inequalities(p, modes, box()) == pytest.approx(0.2 / 4)  # "stopped" is 0.4 N m beyond its friction, at 2 m
+    at[part][row] = value
+    with pytest.raises(NotShown) as fault:
+        inequalities(p, modes, box())
+    assert (str(fault.value), fault.value.part, fault.value.rounding) == (said, name, False)
+
+
+def test_what_is_missed_by_a_millionth_of_the_forces_may_be_rounding():
+    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.5)], [])
+    modes = Modes(np.array([Contact_.STICKS]), np.zeros(1, dtype=bool), *(np.zeros(0, dtype=np.int64) for _ in "aj"))
+    none = np.zeros(4)
+    for missed, rounding in ((0.9e-6, True), (1.1e-6, False)):
+        forces = 4.0 * np.array([1.0, 0.5 + missed, 0.0, 0.0])
+        with pytest.raises(NotShown) as fault:
+            inequalities(problem(grasp, [0, 0, -1.0]), modes, Box(np.zeros(6), np.zeros(6), none, none, forces, none))
+        assert fault.value.rounding == rounding
+
+
+def test_rows_have_names():
+    p = every_law()
+    names = [row_name(p, k) for k in (0, 5, 9, 10, 11, 12, 15)]
+    assert names == [
+        "contact 0", "contact 1", "actuator 'motor'", "actuator 'tendon'", "coupling 0", "joint 'rubs'", "joint 'both'",
+    ]  # fmt: skip

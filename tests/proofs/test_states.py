@@ -8,7 +8,9 @@ import pytest
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.fields import BadFile, Fields
-from handfast.proofs.states import Laws, Modes, State, came_from, read_state
+from handfast.proofs.states import Contact as Kind
+from handfast.proofs.states import Laws, Modes, Part, Rows, State, _contact, came_from, choices, read_state
+from tests.support.every_law import every_law
 from tests.support.exact_states import problem
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -94,3 +96,124 @@ def test_where_a_step_came_to_by_hand():
     np.testing.assert_allclose(came.stops, [2, 5, 0], atol=0)
     np.testing.assert_allclose(came.slack, [6, 0], atol=0)
     np.testing.assert_allclose(room.stops, 2e-9, rtol=1e-3)
+
+
+MODES = [
+    (Kind.TOUCHES, Kind.STICKS, Kind.SLIDES),
+    (False, False, True),
+    (Part.HIGH, Part.RESTS),
+    (Part.MOVES, Part.BACK, Part.FREE, Part.LOCKED),
+]
+
+
+def modes_of(contact, full, actuator, joint) -> Modes:
+    return Modes(np.array(contact), np.array(full), np.array(actuator), np.array(joint))
+
+
+def test_which_rows_are_held_unknown_and_given():
+    """Rows 0 to 8 of contacts, then motor, tendon, coupling, four joints, and none; in a step."""
+    p = every_law((0.5, -2.0, 0.0), 0.4, 0.25)
+    rows = Rows.of(replace(p, cos=0.8, sin=0.6), modes_of(*MODES))
+    held, unknown = [0, 4, 5, 9, 10, 11, 13, 15], [4, 5, 10, 11, 13, 15]
+    assert (np.flatnonzero(rows.held).tolist(), np.flatnonzero(rows.unknown).tolist()) == (held, unknown)
+    assert dict(zip(np.flatnonzero(rows.given).tolist(), rows.given[rows.given != 0], strict=True)) == {
+        9: 6.0,
+        12: -0.5,
+    }
+    # what had come away goes back: a gap of 0.5 along 0.8 of its motion, a tendon and a stop
+    assert {k: rows.at[k] for k in np.flatnonzero(rows.at)} == {0: -0.625, 10: -0.25, 13: -0.4}
+    assert float(rows.exact[10]) == -0.25
+    others = [(Kind.OPEN, Kind.RUBS, Kind.LEANS), MODES[1], (Part.LOWEST, Part.MOVES)]
+    rows = Rows.of(p, modes_of(*others, (Part.OPENS, Part.LOW, Part.FREE, Part.LOCKED)))
+    assert (np.flatnonzero(rows.held).tolist(), np.flatnonzero(rows.unknown).tolist()) == (
+        [9, 11, 13, 15],
+        [4, 5, 11, 15],
+    )
+    assert dict(zip(np.flatnonzero(rows.given).tolist(), rows.given[rows.given != 0], strict=True)) == {
+        9: -6.0, 12: 0.5, 13: -0.5,
+    }  # fmt: skip
+    assert not rows.at.any()
+    rows = Rows.of(p, modes_of(*others[:2], (Part.LOW, Part.LOCKED), (Part.HIGH, Part.RESTS, Part.FREE, Part.LOCKED)))
+    assert (rows.given[9], rows.given[12], rows.held[9], rows.unknown[9]) == (-3.0, 0.5, True, False)
+    assert (rows.held[10], rows.unknown[10], rows.at[10]) == (True, True, 0.0)  # locked, and not drawn back
+    assert np.flatnonzero(Rows.of(every_law(), modes_of(*MODES)).at).tolist() == []
+
+
+def test_modes_in_words():
+    g = every_law().grasp
+    assert modes_of(*MODES).words(g) == {
+        "contact 0": "touches", "contact 1": "sticks", "contact 2": "slides", "motor": "high", "tendon": "rests",
+        "reaction of rubs": "moves", "reaction of stopped": "back", "reaction of both": "locked",
+    }  # fmt: skip
+    assert modes_of(*MODES).closed.tolist() == [False, True, True]
+
+
+OPEN, TOUCHES, STICKS, SLIDES, RUBS, LEANS = Kind
+ONE = {"mu": 0.5, "before": 0.0, "d": [-1.0, 0.0, 0.0, 0.0], "phi": [1.0, 0.1, 0.0, 0.0]}
+LAWS = {
+    "open": ({"d": [2.0, 0, 0, 0], "phi": [0, 0, 0, 0]}, {}, [OPEN, TOUCHES]),
+    "just shut": ({"d": [0.0, 0, 0, 0], "phi": [0, 0, 0, 0]}, {}, [TOUCHES, OPEN, STICKS, SLIDES]),
+    "shut by little": ({"d": [-5e-10, 0, 0, 0], "phi": [0, 0, 0, 0]}, {}, [TOUCHES, STICKS, SLIDES, OPEN]),
+    "slides by little": ({"d": [-5e-10, 3, 4, 0], "phi": [0, 0, 0, 0]}, {}, [TOUCHES, SLIDES, OPEN, STICKS]),
+    "came back": ({"before": 2.0, "d": [-2.0, 0, 0, 0], "phi": [0, 0, 0, 0]}, {}, [TOUCHES, OPEN, STICKS, SLIDES]),
+    "slid open": ({"d": [-4.0, 3, 4, 0], "phi": [0, 0, 0, 0]}, {"cos": 0.8, "sin": 0.6}, [OPEN, TOUCHES]),
+    "sticks": ({}, {}, [STICKS, SLIDES]),
+    "at its edge": ({"phi": [1.0, 0.5, 0, 0]}, {}, [STICKS, SLIDES]),
+    "slides": ({"d": [-1, 3, 4, 0], "phi": [1, -0.3, -0.4, 0]}, {}, [SLIDES, STICKS]),
+    "slid": ({"d": [-1, 3e-10, 4e-10, 0], "phi": [1, -0.3, -0.4, 0]}, {}, [SLIDES, STICKS]),
+    "slid aside": ({"d": [-1, 4e-10, -3e-10, 0], "phi": [1, -0.3, -0.4, 0]}, {}, [STICKS, SLIDES]),
+    "too little": ({"d": [-1, 3, 4, 0], "phi": [1, -0.1, 0, 0]}, {}, [SLIDES]),
+    "turns": ({"d": [-1, 0, 0, 5], "phi": [1, 0, 0, -0.5]}, {}, [SLIDES, STICKS]),
+    "full": ({"phi": [8.0, 0, 0, 0]}, {}, [(STICKS, True), (SLIDES, True), STICKS, SLIDES]),
+    "smooth": ({"mu": 0.0, "phi": [1.0, 0, 0, 0]}, {}, [SLIDES]),
+    "smooth and tilted": ({"mu": 0.0, "phi": [1.0, 0, 0, 0]}, {"sin": 0.6}, [STICKS, SLIDES]),
+    "rubs": ({}, {"mdp": False}, [RUBS]),
+    "rubs and tilted": ({}, {"mdp": False, "sin": 0.6}, [STICKS, RUBS]),
+    "leans": ({"phi": [1.0, 0.3, 0.4, 0]}, {"mdp": False}, [LEANS, RUBS]),
+    "leans and tilted": ({"phi": [1.0, 0.3, 0.4, 0]}, {"mdp": False, "sin": 0.6}, [STICKS, LEANS, RUBS]),
+    "rubs smoothly": ({"mu": 0.0, "phi": [1.0, 0, 0, 0]}, {"mdp": False}, [RUBS]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("one", "law", "wanted"), LAWS.values(), ids=LAWS)
+def test_modes_that_a_contact_may_have_the_likeliest_first(one, law, wanted):
+    """A part in 1e9 of 1 N counts as nothing; normal forces go up to 8 N."""
+    p = replace(problem(Grasp([Contact([0, 0, 0], [0, 0, 1], 0.5)]), [0, 0, -1.0]), force_limit=8.0, **law)
+    found = _contact(p, **(ONE | one), none_d=1e-9, none_f=1e-9)
+    assert found == [(int(k[0]), True) if isinstance(k, tuple) else (int(k), False) for k in wanted]
+
+
+LOW, HIGH, LOWEST, MOVES, OPENS = Part.LOW, Part.HIGH, Part.LOWEST, Part.MOVES, Part.OPENS
+RESTS, LOCKED, FREE, BACK = Part.RESTS, Part.LOCKED, Part.FREE, Part.BACK
+PARTS = {  # motion and force
+    "moves": ("actuator 0", -0.5, -3.0, [MOVES, LOW, RESTS]),
+    "rests": ("actuator 0", 0.0, -4.0, [RESTS, LOW, MOVES]),
+    "at its command": ("actuator 0", 0.0, -3.0, [LOW, RESTS, MOVES]),
+    "at its limit": ("actuator 0", 0.0, -6.0, [LOWEST, RESTS, LOW, MOVES]),
+    "pushed the other way": ("actuator 0", 0.0, 6.0, [LOW, MOVES, RESTS]),
+    "slack": ("actuator 1", -0.2, 0.0, [MOVES, LOW, RESTS]),
+    "taut": ("actuator 1", -0.25, 2.0, [RESTS, LOW, MOVES]),
+    "closes": ("joint 0", 0.5, -0.5, [MOVES, RESTS, LOW]),
+    "opens": ("joint 0", -0.5, 0.5, [OPENS, RESTS, HIGH]),
+    "rests inside": ("joint 0", 0.0, 0.1, [RESTS]),
+    "at its lower end": ("joint 0", 0.0, -0.5, [LOW, RESTS]),
+    "at its upper end": ("joint 0", 0.0, 0.5, [HIGH, RESTS]),
+    "moves inside": ("joint 0", 0.5, 0.1, [RESTS]),
+    "off its stop": ("joint 1", -0.3, -0.5, [RESTS, LOW, BACK]),
+    "at its stop": ("joint 1", -0.4, 0.9, [BACK, OPENS, RESTS, HIGH]),
+    "has no law": ("joint 2", 0.5, 0.0, [FREE]),
+    "between stops": ("joint 3", 0.0, 3.0, [LOCKED]),
+}
+
+
+@pytest.mark.parametrize(("part", "motion", "force", "wanted"), PARTS.values(), ids=PARTS)
+def test_modes_that_a_part_may_have_the_likeliest_first(part, motion, force, wanted):
+    p = every_law((0.0, 0.0, 0.0), 0.4, 0.25)
+    name, k = part.split()
+    q, f, reaction = np.zeros(4), np.zeros(2), np.zeros(4)
+    if name == "joint":
+        q[int(k)], reaction[int(k)] = motion, force
+    else:
+        q[(0, 2)[int(k)]], f[int(k)] = motion / (4, 1)[int(k)], force
+    x = State(np.zeros(6), q, np.zeros(9), f, np.zeros(1), reaction, np.zeros(3))
+    assert choices(p, x)[part] == [(int(kind), False) for kind in wanted]
