@@ -76,6 +76,24 @@ def larger(data: Data) -> None:
         one["magnitude"] *= 1.25
 
 
+def start(name: str, k: int, by: float) -> Change:
+    def change(data: Data) -> None:
+        data["steps"][1]["from"][name][k] += by
+
+    return change
+
+
+def swapped(data: Data) -> None:
+    one, other = data["steps"][2:4]
+    one["from"], other["from"] = other["from"], one["from"]
+
+
+def halved(data: Data) -> None:
+    """The question and all witnesses speak of half of the load."""
+    for part in (data["question"], *(one["witness"] for one in data["steps"])):
+        part["wrench"] = [x / 2 for x in part["wrench"]]
+
+
 def with_certificate(data: Data) -> None:
     data["steps"][-1]["certificate"] = copy.deepcopy(saved("back")["steps"][-1]["certificate"])
 
@@ -114,6 +132,18 @@ def test_claims_of_steps_by_hand() -> None:
 REFUSED = {
     "as large": ("across", (step(1, magnitude=0.0),), "step 1: its load is not larger than the one before$"),
     "from rest": ("across", (lambda data: data["steps"][1].pop("from"),), "step 1: does not say where it starts from$"),
+    "presses more": ("across", (start("gaps", 1, -1e-6),), "step 1: its gaps are not those to which the state before"),
+    "off a stop": ("across", (start("stops", 0, 1.0),), "step 1: its stops are not those to which the state before"),
+    "slack": ("across", (start("slack", 0, 1.0),), "step 1: its slack are not those to which the state before came$"),
+    "skipped": ("back", (lambda data: data["steps"].pop(2),), "step 2: its gaps are not those"),
+    "swapped": ("back", (swapped,), "step 2: its gaps are not those"),
+    "halved": ("across", (halved,), "step 1: .*missed"),
+    "of less": ("back", (step(-1, magnitude=0.82),), "certificate: leaf .* is not proved"),
+    "not refuted": (
+        "back",
+        (step(-1, certificate=None),),
+        "step 5: has neither a witness nor, as the",
+    ),
     "not from rest": ("across", (lambda d: d["steps"][0].update({"from": d["steps"][1]["from"]}),), "step 0: is not"),
     "at once": ("across", (step(0, magnitude=0.5),), "step 0: is not of the commands alone, from rest$"),
     "both": ("across", (with_certificate,), "step 1: has a witness and a certificate$"),

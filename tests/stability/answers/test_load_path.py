@@ -14,18 +14,14 @@ from handfast import Contact, Grasp, GraspJoint, Mechanism, load_grasp
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.start import Start
-from handfast.proofs import path_steps
-from handfast.proofs.fields import BadFile
 from handfast.proofs.kinds import Row
 from handfast.proofs.rows import Columns, LeafRows, row_values
 from handfast.stability.answers.answer import any_state
-from handfast.stability.answers.check_query import _of_path
 from handfast.stability.answers.check_query import ask as check
-from handfast.stability.answers.load_path import Follower, StepAnswer, start_after
+from handfast.stability.answers.load_path import StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
-from handfast.stability.search.solve import clock_of
 from handfast.stability.studies.questions import maximum
 from tests.support.problems import moved
 from tests.support.slow_cases import slow_after
@@ -379,65 +375,6 @@ def test_rows_of_certificates_hold_at_the_states_of_a_step() -> None:
 # --- the replay ---------------------------------------------------------------------------------------
 
 
-def forged(change: Any, **asked: Any) -> str:
-    """Why the replay refuses a path of the jaw, in four steps, after a change to its file."""
-    settings = Settings()
-    whole = scaled_problem.build(jaw(), asked.get("load", [-0.6, 0.6, 0]))
-    path = Follower(whole, settings, clock_of(settings), None).along(np.linspace(0.0, 1.0, 5))
-    data = _of_path(path, 0.0).to_file()
-    assert path_steps.replay(path_steps.read_path(data)).ok
-    change(data)
-    return path_steps.replay(path_steps.read_path(data)).reason
-
-
-@pytest.mark.slow
-def test_a_chain_with_a_fault_is_refused() -> None:
-    def gap(data: Any) -> None:
-        data["steps"][1]["from"]["gaps"][1] -= 1e-6  # the wall presses a little more than it did
-
-    def skipped(data: Any) -> None:
-        del data["steps"][1]
-
-    def rest(data: Any) -> None:
-        data["steps"][1]["from"] = None
-
-    def load(data: Any) -> None:
-        data["question"]["wrench"] = [-0.65, 0.65, 0, 0, 0, 0]
-
-    def said(data: Any) -> None:
-        data["answer"]["steps"] = 7
-
-    def less(data: Any) -> None:
-        data["steps"][2] = data["steps"][1]
-
-    def slack(data: Any) -> None:
-        data["steps"][1]["from"]["stops"] = [1.0]
-
-    def begun(data: Any) -> None:
-        data["steps"][0]["from"] = data["steps"][1]["from"]
-
-    def swapped(data: Any) -> None:
-        one, other = data["steps"][2:4]
-        one["from"], other["from"] = other["from"], one["from"]
-
-    def scaled(data: Any) -> None:
-        """The question and all witnesses speak of half of the load."""
-        for part in (data["question"], *(step["witness"] for step in data["steps"])):
-            part["wrench"] = [x / 2 for x in part["wrench"]]
-
-    assert "its gaps are not those" in forged(swapped)
-    assert forged(scaled)
-    assert "not of the commands alone, from rest" in forged(begun)
-    assert "its gaps are not those" in forged(gap)
-    assert "its gaps are not those" in forged(skipped)
-    assert "does not say where it starts" in forged(rest)
-    assert "another load" in forged(load)
-    assert "steps is not what" in forged(said)
-    assert "not larger" in forged(less)
-    assert "its stops are not those" in forged(slack)
-    assert "whole load is not reached" in forged(lambda data: data["steps"].pop())
-
-
 def test_a_path_goes_on_from_numbers_near_the_state_that_is_proved() -> None:
     step = check(jaw(), [-0.6, 0.6, 0], loading=FIRST).path.steps[-1]
     assert step.certain
@@ -453,21 +390,6 @@ def test_a_state_whose_motion_is_free_is_proved_where_it_stands(share: float, sa
     assert answer.verdict == said
     assert answer.exact is False
     assert answer.verify().ok
-
-
-def test_a_refutation_is_of_the_step_that_it_names() -> None:
-    load = [-0.8, 0.8, 0]
-
-    def weaker(data: Any) -> None:
-        data["steps"][-1]["magnitude"] = 0.82  # 0.656 N is resisted
-
-    def harder(data: Any) -> None:
-        data["steps"][-1]["certificate"] = None
-
-    assert forged(weaker, load=load)
-    assert "nor, as the last one, a certificate" in forged(harder, load=load)
-    with pytest.raises(BadFile, match="slack: has a negative number"):
-        forged(lambda data: data["steps"][1]["from"].update(slack=[-1.0]))
 
 
 def test_a_jaw_at_both_stops_is_answered() -> None:
