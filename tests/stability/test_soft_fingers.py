@@ -13,7 +13,7 @@ from benchmarks.soft_fingers import random_grasp, random_load, random_turn, turn
 from handfast import verify
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
-from handfast.model.grasp import Contact
+from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.papers import algorithm1
 from handfast.proofs import checker
 from handfast.readers.grasp_file import from_dict, load_grasp, save_grasp, to_dict
@@ -30,6 +30,35 @@ from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin, spindle
 
 LARGEST_TORQUE, LARGEST_FORCE = 2 * TORSION * SQUEEZE, 2 * MU * SQUEEZE  # of the coin, by hand
 FINE = Settings(gap=1e-6)
+
+
+def three_fingers() -> Grasp:
+    """Two soft fingers and a point, whose resistance grows as the object moves on without end."""
+
+    def unit(*x: float) -> np.ndarray:
+        return np.array(x) / np.linalg.norm(x)
+
+    contacts = [
+        Contact([-0.019, -0.011, -0.021], unit(0.724, 0.4, 0.562), 0.421, torsion=0.009),
+        Contact([0.01, -0.005, 0.016], unit(-0.571, 0.395, -0.719), 0.396, torsion=0.009),
+        Contact([-0.009, 0.028, 0.002], unit(0.203, -0.974, -0.102), 0.451),
+    ]
+    joints = [
+        GraspJoint("a", unit(-0.104, -0.742, 0.662), [-0.044, -0.011, -0.033], (0,)),
+        GraspJoint("b", unit(0.595, -0.405, -0.695), [0.052, -0.009, 0.027], (1,)),
+        GraspJoint("c", unit(0.585, 0.037, 0.81), [0.0, 0.062, -0.01], (2,)),
+    ]
+    return Grasp(contacts, joints, preload={"a": 0.047, "b": 0.016, "c": 0.039})
+
+
+def test_a_maximum_is_that_of_its_state() -> None:
+    """Newton's method leaves the magnitude where it was: the state did not have the commands that were said, but for
+    1e-9 of them, and its own file was refused."""
+    grasp = three_fingers()
+    found = maximum(grasp, [0.462, -0.844, -0.272, 0.003, 0.005, -0.007], settings=Settings(gap=1e-3, jobs=1))
+    assert found.verify().ok
+    assert found.witness is not None
+    assert found.witness.grasp.command == pytest.approx(grasp.command, rel=1e-14, abs=0)
 
 
 # --- a coin between two fingers, by hand ---------------------------------------------------------------

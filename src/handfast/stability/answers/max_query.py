@@ -266,8 +266,6 @@ def shown_maximum(posed: BoundProblem, found: Outcome) -> MaxAnswer:
         if goal.has_scalar:
             lower, upper = goal.bounds(p, found.value, found.bound)
             unbounded = bool(lower >= end * (1 - NEAR_END))
-            if goal.homogeneous and p.is_given:  # of the state itself, whose preload is the grasp's to the last digits
-                lower = min(p.direction_scale / _preload_share(w, p.grasp), upper)
             w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
         else:
             lower, unbounded, w = end, True, _scaled(w, end, p.grasp)
@@ -314,13 +312,6 @@ def _search(
         if alone.witness is not None:
             found = replace(found, witness=alone.witness, value=0.0, point=None)
     return BoundProblem(p, goal), found
-
-
-def _preload_share(w: Witness, grasp: Grasp) -> float:
-    """The lambda of a homogeneous witness: what it has of the grasp's largest command, given torque or friction."""
-    own, given = (np.concatenate([g.command, g.given_torques, g.joint_friction]) for g in (w.grasp, grasp))
-    k = int(np.argmax(np.abs(given)))
-    return float(own[k] / given[k])
 
 
 def _scaled(w: Witness, s: float, grasp: Grasp) -> Witness:

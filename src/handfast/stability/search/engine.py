@@ -316,4 +316,4 @@ def _inside(r: Reduced, z: Array, value: float, gap: float, found: Witness) -> t
     if inner is None:
         return z, value, found
     w = r.witness(r.point(inner))
-    return (inner, value * (1 + little), w) if w.valid else (z, value, found)
+    return (inner, r.scale * r.scalar(inner), w) if w.valid else (z, value, found)
