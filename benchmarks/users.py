@@ -20,12 +20,13 @@ nothing of them is known yet.
 - `label`: a whole label of a random grasp, and of every tenth published one, which comes without commands.
 
 With --before, another checkout (as `git worktree add` makes it) answers the same questions turn by turn, in a process
-of its own. `times` is the median of the ratios of neighbouring turns; `same` counts answers that are equal to the last
-bit, `contradictions` those of which one cannot be true. With --peers, Algorithm 1 on Gurobi is asked the maxima of the
-first grasps of each size, as in `batches.py`: `algorithm1` is its mean time over our mean of all `--count`. With
---profile the parts that take most of a family's time are kept as its `profile`, the compiled search as one of them, and
-which questions of a label they belong to, by Python's profiler, which makes Python's share larger than it is. Times are
-of the processor, all threads.
+of its own; that of 23 November (d95b5b8) through `first_version`. `times` is the median of the ratios of neighbouring
+turns; `same` counts answers that are equal to the last bit, `contradictions` those of which one cannot be true. With
+--peers, Algorithm 1 on Gurobi is asked the maxima of the first grasps of each size, as in `batches.py`: `algorithm1` is
+its mean processor time over our mean of all `--count`, `algorithm1_wall` the same by the clock. With --profile the
+parts that take most of a family's time are kept as its `profile`, the compiled search as one of them, and which
+questions of a label they belong to, by Python's profiler, which makes Python's share larger than it is. Times are of
+the processor, all threads.
 Results are kept in results/users.json.
 """
 
@@ -39,6 +40,7 @@ import pstats
 import statistics
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -346,7 +348,8 @@ class Version:
 
     def __init__(self, checkout: Path, count: int) -> None:
         env = os.environ | {"PYTHONPATH": os.pathsep.join([str(checkout / "src"), str(HERE)])}
-        command = [sys.executable, "-m", "benchmarks.users", "--answer", "--count", str(count)]
+        module = "users" if (checkout / "src" / "handfast" / "papers").is_dir() else "first_version"
+        command = [sys.executable, "-m", f"benchmarks.{module}", "--answer", "--count", str(count)]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env, cwd=HERE)
         self.revision = revision(checkout)
@@ -401,13 +404,17 @@ def measured(name: str, versions: list[Version], rounds: int) -> dict[str, Any]:
 
 
 def against_peers(name: str, count: int, batch: int, limit: float) -> dict[str, Any]:
-    """The first grasps of a family by Algorithm 1 on Gurobi, and our mean of a batch: processor time [s]."""
+    """The first grasps of a family by Algorithm 1 on Gurobi, and our mean of a batch: processor and wall time [s]."""
     m = FAMILIES[name].contacts
     assert m is not None
     cases = bounded(m, count)
-    ours = statistics.fmean(many(m)(max(count, batch)).seconds)
+    batch = max(count, batch)
+    many(m)(batch)  # what is drawn is no part of it
+    start = time.perf_counter()
+    ours = statistics.fmean(many(m)(batch).seconds)
+    wall = (time.perf_counter() - start) / batch  # with the making of the grasps
     theirs = [peer(case, limit) for case in cases]
-    return {"grasps": count, "batch": max(count, batch), "ours": ours, "peers": theirs}
+    return {"grasps": count, "batch": batch, "ours": ours, "ours_wall": wall, "peers": theirs}
 
 
 COMPILED = {("search.py", "_run"), ("load_rows.py", "run"), ("row_kernel.py", "run"), ("search.py", "exact_solution")}
@@ -510,12 +517,13 @@ def main() -> None:
     for name in names:
         row = data["families"].get(name, {"family": name})
         if versions:
-            peers = {k: row[k] for k in ("algorithm1", "peers", "profile") if k in row}
+            peers = {k: row[k] for k in ("algorithm1", "algorithm1_wall", "peers", "profile") if k in row}
             row = measured(name, versions, options.rounds) | peers
         elif FAMILIES[name].is_ratio:
             row["peers"] = against_peers(name, options.peers, options.count, options.peer_limit)
-            spent = [p["seconds"] for p in row["peers"]["peers"] if p["seconds"] is not None]
-            row["algorithm1"] = statistics.fmean(spent) / row["peers"]["ours"]
+            for key, kind, ours in (("algorithm1", "seconds", "ours"), ("algorithm1_wall", "wall", "ours_wall")):
+                spent = [p[kind] for p in row["peers"]["peers"] if p["seconds"] is not None]
+                row[key] = statistics.fmean(spent) / row["peers"][ours]
         data["families"][name] = row
         print(json.dumps({k: v for k, v in row.items() if k not in ("peers", "profile")}), flush=True)
         RESULTS.write_text(json.dumps(data, indent=1) + "\n")
