@@ -10,12 +10,13 @@ from handfast.core.errors import InputError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
+_FLOAT = np.dtype(float)
 
 
 def frozen(a: object, shape: tuple[int, ...], field: str) -> Array:
     """A read-only float copy of `a` in the given shape; `InputError` on NaN, what is not real, or a wrong shape."""
     try:
-        if np.iscomplexobj(a):  # type: ignore[arg-type]
+        if getattr(a, "dtype", None) is not _FLOAT and np.iscomplexobj(a):  # type: ignore[arg-type]
             raise TypeError
         out = np.array(a, dtype=float)
     except (TypeError, ValueError):

@@ -287,6 +287,11 @@ class Grasp(Presented):
         return len(self.joints)
 
     @cached_property
+    def middle(self) -> Array:
+        """(3,) [m] the mean of the contacts' positions, about which torques are measured."""
+        return frozen(self.positions.mean(axis=0), (3,), "middle")
+
+    @cached_property
     def mu(self) -> Array:
         """(m,) friction coefficients."""
         return frozen([c.friction for c in self.contacts], (self.m,), "friction")
@@ -369,7 +374,7 @@ class Grasp(Presented):
         the origin; 1 if there is no length at all.
         """
         p = self.positions
-        r, far = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max()), float(np.abs(p).max())
+        r, far = float(np.linalg.norm(p - self.middle, axis=1).max()), float(np.abs(p).max())
         if r > NO_LENGTH * far:
             return r
         turns = [(p[i] - joint.origin) for joint in self.joints if joint.type == "revolute" for i in joint.moves]

@@ -109,10 +109,16 @@ class GraspRows:
         return len(self.joints)
 
     @cached_property
+    def middle(self) -> Array:
+        """(k, 3) [m] as `Grasp.middle`."""
+        out: Array = self.positions.mean(axis=1)
+        return out
+
+    @cached_property
     def size(self) -> Array:
         """(k,) [m] as `Grasp.size`."""
         p = self.positions
-        r = np.sqrt(((p - p.mean(axis=1, keepdims=True)) ** 2).sum(axis=2)).max(axis=1)
+        r = np.sqrt(((p - self.middle[:, None]) ** 2).sum(axis=2)).max(axis=1)
         for i in np.flatnonzero(r <= NO_LENGTH * np.abs(p).max(axis=(1, 2))):
             r[i] = self.grasps[i].size
         return r

@@ -49,13 +49,13 @@ def load_scale(grasp: AnyGrasp, w: Array, command: Array | None = None) -> Any:
     Without a load the largest command or given torque, each over its joint's unit; 1 if none acts. Contact forces,
     however large, have no part in it: what holds is what misses neither load nor commands. (k,) of many loads (k, 6).
     """
-    own = _arms(grasp)
-    scale = np.maximum(lengths(w[..., :3]), lengths(w[..., 3:] - cross_rows(own.middle, w[..., :3])) / grasp.size)
+    scale = np.maximum(lengths(w[..., :3]), lengths(w[..., 3:] - cross_rows(grasp.middle, w[..., :3])) / grasp.size)
     if np.all(scale > 0) or not grasp.l:
         return np.where(scale > 0, scale, 1.0)[()]
     f_c = grasp.command if command is None else command
-    drives = np.abs(transposed(grasp.mechanism.R) * f_c[..., None, :]) / own.units[..., None]
-    given = (np.abs(grasp.given_torques) / own.units).max(axis=-1)
+    units = _arms(grasp).units
+    drives = np.abs(transposed(grasp.mechanism.R) * f_c[..., None, :]) / units[..., None]
+    given = (np.abs(grasp.given_torques) / units).max(axis=-1)
     beside = np.maximum(drives.max(axis=(-2, -1), initial=0.0), given)
     return np.where(scale > 0, scale, np.where(beside > 0, beside, 1.0))[()]
 
@@ -66,8 +66,8 @@ class _Arms(NamedTuple):
     joints: Array  # (l,) `joint_arms`
     actuators: Array  # (a,) `actuator_arms`
     units: Array  # (l,) `joint_units`
-    middle: Array  # (3,) of the contacts
-    reach: Any  # [m] of the contacts from the origin
+    rounded: Any  # bool: are contacts so near each other that the rounding of G and J counts?
+    at_contact: Array  # (6 + 3 m + 2 l + a + k,) what one of r, c, q, reactions, f and couplings is at a contact
     slip: Array  # (k, l) motion at a contact per unit of each coupling
     moves: Mask  # (a,) bool: actuators that may move without a command
     backdrivable: Mask  # (a,)
@@ -78,12 +78,18 @@ class _Arms(NamedTuple):
 def _arms(grasp: AnyGrasp) -> _Arms:
     mech, arms = grasp.mechanism, joint_arms(grasp)
     lo, hi = reaction_range(grasp)
+    actuators = arms_of_actuators(np.abs(mech.R), arms)
+    reach = np.abs(grasp.positions).max(axis=(-2, -1), initial=0.0)
+    one = np.ones((*np.shape(reach), 3))
+    turns = one * np.asarray(reach + grasp.size)[..., None]
+    couplings = (np.abs(mech.A) / arms[..., None, :]).max(axis=-1, initial=0.0)
+    forces = np.ones((*np.shape(reach), 3 * grasp.m))
     return _Arms(
         joints=arms,
-        actuators=arms_of_actuators(np.abs(mech.R), arms),
+        actuators=actuators,
         units=joint_units(grasp),
-        middle=grasp.positions.mean(axis=-2),
-        reach=np.abs(grasp.positions).max(axis=(-2, -1), initial=0.0),
+        rounded=reach / grasp.spacing > LARGE,
+        at_contact=np.concatenate([one, turns, forces, arms, 1 / arms, 1 / actuators, couplings], axis=-1),
         slip=np.divide(arms[..., None, :], np.abs(mech.A), out=np.zeros(mech.A.shape), where=mech.A != 0),
         moves=commanded(grasp, np.zeros(mech.a)),
         backdrivable=np.array(mech.backdrivable, dtype=bool),
@@ -99,28 +105,19 @@ def linear_sums(grasp: AnyGrasp, w: Array, state: State | StateRows, force: Any)
 
     force: [N] the largest that acts, (k,) of many.
     """
-    x, mech, own = state, grasp.mechanism, _arms(grasp)
+    x, own = state, _arms(grasp)
     torsion = x.torsion if len(grasp.soft) else None
-    arms = own.joints
-    sizes = [
-        np.abs(x.r[..., :3]).max(axis=-1),
-        np.abs(x.r[..., 3:]).max(axis=-1) * (own.reach + grasp.size),
-        np.abs(x.c).max(axis=-1, initial=0.0),
-        (np.abs(x.q) * arms).max(axis=-1, initial=0.0),
-        (np.abs(x.reaction) / arms).max(axis=-1, initial=0.0),
-        (np.abs(x.f) / own.actuators).max(axis=-1, initial=0.0),
-        (np.abs(mech.A) * np.abs(x.coupling)[..., None] / arms[..., None, :]).max(axis=(-2, -1), initial=0.0),
-    ]
-    largest = np.maximum.reduce(sizes)
     sums = Sums(
         object_balance(grasp, x.c, w, torsion),
         joint_balance(grasp, x.c, x.f, x.coupling, x.reaction, torsion),
-        times(mech.A, x.q),
+        times(grasp.mechanism.A, x.q),
         relative_motion(grasp, x.r, x.q),
         actuator_motion(grasp, x.q),
         turning(grasp, x.r, x.q),
     )
-    exact = np.maximum(largest / force, own.reach / grasp.spacing) > LARGE
+    parts = np.concatenate([x.r, x.c, x.q, x.reaction, x.f, x.coupling], axis=-1)
+    largest = (np.abs(parts) * own.at_contact).max(axis=-1)
+    exact = (largest / force > LARGE) | own.rounded
     if not np.any(exact):
         return sums
     if isinstance(x, State):
@@ -211,7 +208,7 @@ def _residuals(grasp: AnyGrasp, w: Array, x: State | StateRows, f_c: Array, eta:
     else:  # the same without what torsion adds, which is 0
         rubs, slides = c[..., 1:], d[..., 1:]
     dt = lengths(slides)
-    moment = sums.object[..., 3:] - cross_rows(own.middle, sums.object[..., :3])
+    moment = sums.object[..., 3:] - cross_rows(grasp.middle, sums.object[..., :3])
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
     sense = np.where(f_c < 0, -1.0, 1.0)

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,7 +106,7 @@ class ScaledProblem:
         """(m, l, a, k): contacts, joints, actuators, couplings."""
         return self.mu.shape[-1], self.J.shape[-1], self.R.shape[-2], self.A.shape[-2]
 
-    @property
+    @cached_property
     def lengths(self) -> Array:
         """(6,) 1 for translations and forces, 1 / length for rotations and torques: scaled wrench over wrench."""
         return _lengths(self.length)
@@ -318,7 +318,7 @@ def _scaled(
         mu=plain.mu,
         force=scale.force,
         length=plain.size,
-        middle=plain.positions.mean(axis=-2) / _wide(plain.size),
+        middle=plain.middle / _wide(plain.size),
         joint_scale=units.joints,
         actuator_scale=units.actuators,
         coupling_scale=units.couplings,
@@ -394,7 +394,7 @@ def _given(same: EquivalentGrasp) -> float:
 
 def _sizes(grasp: AnyGrasp, w: Array) -> Array:
     """(k,) `_size` of each of the disturbances (k, 6)."""
-    force, torque = w[:, :3], w[:, 3:] - cross_rows(grasp.positions.mean(axis=-2), w[:, :3])
+    force, torque = w[:, :3], w[:, 3:] - cross_rows(grasp.middle, w[:, :3])
     out: Array = np.sqrt(np.maximum((force * force).sum(axis=1), (torque * torque).sum(axis=1) / grasp.size**2))
     return out
 
@@ -432,8 +432,7 @@ def _size(grasp: Grasp, w: Array) -> float:
 
     However the object's frame is placed or turned, it is the same.
     """
-    middle = grasp.positions.mean(axis=0)
-    torque = np.linalg.norm(w[3:] - cross(middle, w[:3]))
+    torque = np.linalg.norm(w[3:] - cross(grasp.middle, w[:3]))
     return float(max(np.linalg.norm(w[:3]), torque / grasp.size))
 
 

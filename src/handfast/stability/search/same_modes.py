@@ -181,7 +181,7 @@ class _ModeStates:
         """(., n) and (.,): what is to be small: contact forces, then motions, then what no contact feels."""
         v, p, r = self.values, self.r.p, self.r
         nu, n = r.M.shape[1], len(r.cost)
-        middle = p.grasp.positions.mean(axis=0) / p.length
+        middle = p.grasp.middle / p.length
         object_ = r.M[:6].copy()
         object_[:3] += np.cross(r.M[3:6], middle, axisa=0, axisc=0)  # wherever the object's frame is
         free = np.eye(n)

@@ -254,7 +254,7 @@ def words_of(grasp: Grasp, motion: Array, slides: Mask, closed: Mask) -> str:
     if turn * grasp.size > MOTION * float(np.linalg.norm(v)):
         axis = w / turn
         point = cross(w, v) / turn**2
-        middle = grasp.positions.mean(axis=0)
+        middle = grasp.middle
         point = point + axis * float(axis @ (middle - point))
         what = f"the object turns about the line through {_vector(point)} m along {_vector(axis)}"
         along = float(axis @ v) / turn

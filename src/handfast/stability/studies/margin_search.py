@@ -107,7 +107,7 @@ def sides(grasp: Grasp, wrench: Array) -> Array:
     Then come the opposite side and the two at right angles. None of it depends on the axes of the object's frame,
     unless there is nothing else to tell sides by.
     """
-    middle = grasp.positions.mean(axis=0)
+    middle = grasp.middle
     out = np.zeros((grasp.m, 5, 3))
     for i, c in enumerate(grasp.contacts):
         arm = c.position - middle
