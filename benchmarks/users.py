@@ -335,8 +335,20 @@ FAMILIES: dict[str, Family] = {
 # --- runs, and what is kept of them -------------------------------------------------------------
 
 
+def drawn_for(names: Iterable[str], count: int) -> list[list[Any]]:
+    """What families of these names ask, drawn once for all versions: contacts, wrapped, and what `_drawn` gives."""
+    out = []
+    for m, wrapped in [*((m, False) for m in (3, 4, 5, 6, 8)), (10, True), (12, True)]:
+        some = [name for name in names if f" {m} contacts" in name]
+        if some:
+            out.append([m, wrapped, _drawn(m, DENSE if m > 6 else min(count, FEW) if m == 6 else count, wrapped)])
+    return out
+
+
 def answer(count: int) -> None:
-    """The process of one version: a family per line in, what was measured out."""
+    """The process of one version: what was drawn, then a family per line in, what was measured out."""
+    for m, wrapped, some in json.loads(sys.stdin.readline()):
+        _KNOWN[m, wrapped] = [(seed, largest) for seed, largest in some]
     case = random_case(3, FIRST)
     maximum(case.grasp, case.direction, settings=QUICK)  # loads the machine code
     print("ready", flush=True)
@@ -352,13 +364,14 @@ def is_first(checkout: Path | None) -> bool:
 class Version:
     """A checkout and the process that answers with it; the questions are those of this one."""
 
-    def __init__(self, checkout: Path, count: int) -> None:
+    def __init__(self, checkout: Path, count: int, drawn: list[list[Any]]) -> None:
         env = os.environ | {"PYTHONPATH": os.pathsep.join([str(checkout / "src"), str(HERE)])}
         module = "first_version" if is_first(checkout) else "users"
         command = [sys.executable, "-m", f"benchmarks.{module}", "--answer", "--count", str(count)]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env, cwd=HERE)
         self.revision = revision(checkout)
+        self._tell(json.dumps(drawn))
         self._line()
 
     def _line(self) -> str:
@@ -368,10 +381,13 @@ class Version:
             raise SystemExit(f"the process of {self.revision} ended; what it says is above")
         return line
 
-    def ask(self, family: str) -> Measured:
+    def _tell(self, line: str) -> None:
         assert self.process.stdin
-        self.process.stdin.write(f"{family}\n")
+        self.process.stdin.write(f"{line}\n")
         self.process.stdin.flush()
+
+    def ask(self, family: str) -> Measured:
+        self._tell(family)
         return Measured(*json.loads(self._line()))
 
 
@@ -519,7 +535,8 @@ def main() -> None:
     versions: list[Version] = []
     if not options.peers:
         checkouts = [*([options.before] if options.before else []), HERE]
-        versions = [Version(path.resolve(), options.count) for path in checkouts]
+        drawn = drawn_for(names, options.count)
+        versions = [Version(path.resolve(), options.count, drawn) for path in checkouts]
         data["revisions"] = [v.revision for v in versions]
     for name in names:
         row = data["families"].get(name, {"family": name})
