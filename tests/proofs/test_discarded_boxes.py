@@ -29,10 +29,10 @@ from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.motors import Motors
 from handfast.proofs.posed_boxes import OBJECT, ContactBoxes
 from handfast.proofs.replay import Refused
-from handfast.proofs.tasks import TaskData, read_task
+from handfast.proofs.tasks import LinkData, TaskData, read_task
 from handfast.proofs.unbalanced import Motions, Placements
 from handfast.synthesis.embedded_task import task_to_dict
-from tests.support.holds import grip
+from tests.support.holds import flat_grip, grip
 
 LINKS = ["palm", "left_finger", "right_finger"]
 TIP = [0.0, 0.005, 0.045]  # the middle of the left fingertip, of 5 mm
@@ -185,6 +185,30 @@ def test_the_wall_is_met_with_the_normals_opposite(pushing: Any) -> None:
     assert contacts.at(Interval.of(boxes.box.mean(axis=2)), boxes.charts, 0).rows.value.mid[0] == pytest.approx(
         [0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.02], abs=1e-8
     )
+    with np.errstate(all="ignore"):
+        alive, _, _ = contacts.narrowed(boxes.box, boxes.over, boxes.middle)
+    assert alive.tolist() == [True]
+
+
+def test_axes_of_two_joints_of_one_link(pushing: Any) -> None:
+    """The same finger without the arm between: the axis of the turn is 0.1 m behind the tip, less its slide."""
+    hand = finger().hand
+    one = (hand.links[0], LinkData("tip", 0, (0, 1)))
+    anchors = np.array([[-0.1, 0, 0], [0, 0, 0]], dtype=float)
+    task = replace(finger(), hand=replace(hand, links=one, poses=hand.poses[[0, 2]], anchors=anchors), links=(1, 1))
+    contacts, (_, _, boxes) = ContactBoxes.of(task), pushing
+    axes = contacts.axes(Boxes.of(contacts, boxes.box, boxes.charts).middle, [0, 1])
+    (turn, point), (slide, _) = axes[0], axes[1]
+    assert turn.value.mid[0] == pytest.approx([0, 0, 1])
+    assert point.value.mid[0, :2] == pytest.approx([-0.13, 0], abs=1e-12)
+    assert slide.value.mid[0] == pytest.approx([1, 0, 0])
+
+
+def test_flat_fingertips_may_face_flat_sides() -> None:
+    contacts = ContactBoxes.of(read_task(task_to_dict(flat_grip(0.05))))
+    at = {"joint:left_slide": 0.015} | dict.fromkeys((f"turn:{k}" for k in range(3)), 0.0)
+    x = np.array([at.get(label, 0.5) for label in contacts.sides.column])
+    boxes = Boxes.of(contacts, np.array([np.stack([x - 1e-3, x + 1e-3], axis=1)]), np.array([0]))
     with np.errstate(all="ignore"):
         alive, _, _ = contacts.narrowed(boxes.box, boxes.over, boxes.middle)
     assert alive.tolist() == [True]

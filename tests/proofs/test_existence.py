@@ -562,6 +562,8 @@ def test_by_how_much_every_inequality_is_kept_by_hand():
     kept("joint {}", "stay off its stop", 1, (0.4 - 0.3 - 0.05) / 0.5, (0, 0, 0, 0))
     kept("joint {}", "lean on its stop", 1, (0.9 - 0.5 - 0.02) * 0.5, (0, 1, 0, 0))
     assert not found
+    turns = next(x for _, fault, x, _ in slacks(p, modes, box) if "in its sense" in fault)
+    assert turns[0] == pytest.approx((0.7 - 0.05) / 4)  # of the motor, which closes backwards
     # forces that are given, by commands, limits and laws, are so exactly
     phi[9], phi[12], phi_off[9], phi_off[12] = -6.0, -0.5, 0.0, 0.0
     modes.joint[:2] = Part.MOVES, Part.OPENS
@@ -613,6 +615,23 @@ def test_what_is_missed_by_a_millionth_of_the_forces_may_be_rounding():
         with pytest.raises(NotShown) as fault:
             inequalities(problem(grasp, [0, 0, -1.0]), modes, Box(np.zeros(6), np.zeros(6), none, none, forces, none))
         assert fault.value.rounding == rounding
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-10])
+def test_between_which_ends_a_magnitude_is(off):
+    """Half of the force of 1 N is under way from the start: a magnitude of 1/2; or to 1e-9 of the load."""
+    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.0)], [])
+    p = replace(problem(grasp, [0, 0, -0.5]), along=np.array([0, 0, -1.0, 0, 0, 0]), magnitude=0.5)
+    r = np.array([0, 0, -1.0 + off, 0, 0, 0])
+    none = np.zeros(0)
+    x = State(r, none, np.array([1.0, 0, 0]), none, none, none, np.zeros(1))
+    done = prove(p, x)
+    assert done.exact
+    low, high = done.magnitude
+    assert low <= 0.5 <= high
+    assert high - low < 1e-9
+    assert done.reaches(low)
+    assert not done.reaches(0.51)
 
 
 def test_rows_have_names():

@@ -84,6 +84,16 @@ def test_without_friction_a_round_object_turns() -> None:
     assert held(Shape("ellipsoid", [0.03, 0.031, 0.05]), 0.0, loads=turn).fewest() == Fewest(1)
 
 
+def test_what_is_not_round_does_not_turn() -> None:
+    egg, none = Shape("ellipsoid", [0.03, 0.03, 0.05]), Shape("ellipsoid", [0.03, 0.04, 0.05])
+    across, aslant = Loads.wrench([0, 0, 0, 0.1, 0, 0]), Loads.wrench([0, 0, 0, 0.1, 0, 0.1])
+    assert held(egg, 0.0, np.zeros(3), loads=across).fewest() == Fewest(1)
+    assert held([BALL, none], 0.0, np.zeros(3), loads=aslant).fewest() == Fewest(1)
+    assert held([BALL, stone(0)], 0.0, np.zeros(3), loads=aslant).fewest() == Fewest(1)
+    for turns in (egg, Shape("cylinder", [0.03, 0.1])):  # a part of it is about the axis
+        assert held(turns, 0.0, np.zeros(3), loads=aslant).fewest() == Fewest(None, "turning")
+
+
 def test_round_solids_have_to_have_one_axis() -> None:
     turn = Loads.wrench([0, 0, 0, 0, 0, 0.1])
 
@@ -380,6 +390,7 @@ def test_the_largest_torque_counts_of_several() -> None:
         ({"solids": [{"kind": "cone"}]}, "'sphere'"),
         ({"solids": [{"kind": "sphere", "size": [-1.0]}]}, "not positive"),
         ({"solids": [{"kind": "sphere", "size": [1.0], "pose": (2 * np.eye(4)).tolist()}]}, "not rigid"),
+        ({"solids": [{"kind": "sphere", "size": [1.0], "pose": (1.001 * np.eye(4)).tolist()}]}, "not rigid"),
         ({"solids": [{"kind": "mesh", "vertices": [[0, 0, 0]], "faces": [[0, 0, 1]]}]}, "not there"),
         ({"more": 1}, "known field"),
         ({"solids": []}, "^solids: is empty"),

@@ -134,6 +134,9 @@ REFUSED = {
     "other forces": (put(G + "witnesses/weight/c/1", -0.25), "grasp 1: weight: .*missed"),
     "forces of once": (put(G + "strength/witnesses/down", state(0.25)), "grasp 1: 3 times down: .*missed"),
     "stronger": (put(G + "strength/factor", 3.1), "grasp 1: 3.1 times down: .*missed"),
+    "slides": (put(G + "witnesses/down/r/0", 0.3), "grasp 1: down: "),  # friction is not along what slides
+    "one contact": (put(G + "grasp/contacts/0/friction", 0.9), "grasp 1: friction at its contacts is not 0.8$"),
+    "fixed": (put("task/hand/joints/1/limits", [0.05, 0.06]), "^'?.*right_slide"),
     "no state": (put(G + "witnesses/weight", ...), "grasp 1: has no witness of weight$"),
     "no state of more": (put(G + "strength/witnesses/weight", ...), "grasp 1: has no witness of 3 times weight$"),
     "friction": (put("question/friction", 0.9), "grasp 1: friction at its contacts is not 0.9$"),
@@ -248,9 +251,9 @@ def test_forces_are_limited_by_the_file_and_by_the_motors() -> None:
     assert replay_grasps(none(SLIDES, force_limit=0.3)).ok
     assert "boxes are not refuted" in replay_grasps(none(SLIDES, force_limit=0.32)).fault
 
-    def by_motors(load: float, half_angle: float) -> Replay:
+    def by_motors(load: float, half_angle: float, **asked: float) -> Replay:
         wrench = [0.0, 0.0, -load, 0.0, 0.0, 0.0]
-        data = none(SLIDES, loads={"down": {"wrench": wrench}}, torque_limits={"grip": 0.3})
+        data = none(SLIDES, loads={"down": {"wrench": wrench}}, torque_limits={"grip": 0.3}, **asked)
         data["question"]["force_limit"], data["answer"]["loads"] = None, {"down": wrench}
         del data["motors"]["actuators"][1:], data["motors"]["laws"]
         for contact in data["task"]["contacts"]:
@@ -260,6 +263,8 @@ def test_forces_are_limited_by_the_file_and_by_the_motors() -> None:
     assert by_motors(1.08, 0.5).ok
     assert "boxes are not refuted" in by_motors(0.971, 0.5).fault
     assert "boxes are not refuted" in by_motors(10.0, 1.0).fault
+    # nothing turns here, so that torsion makes neither limits nor forces across larger
+    assert by_motors(1.08, 0.5, torsion=0.001).ok
 
 
 def test_weights_say_how_far_the_line_through_two_contacts_is() -> None:
@@ -289,6 +294,7 @@ def test_few_contacts_hold_no_loads_of_both_signs() -> None:
     assert done.parts[0].claim.startswith("1 contacts cannot hold down, up with a friction of 0.8: loads of both signs")
     assert (done.parts[0].figures, done.not_replayed) == ({"contacts": 2}, (COURSE, NAMES))
     assert replay_grasps(file(2, torsion=0.001)).ok
+    assert replay_grasps(file(2, friction=0.0)).ok  # loads of both signs along one direction
     assert replay_grasps(file(3)).fault == "balance: shown is only that it takes 2"
     assert replay_grasps(file(1)).fault == "balance: shown is only that it takes 2"
 
@@ -310,6 +316,10 @@ def test_a_bound_is_above_what_any_placement_holds() -> None:
     assert replay_grasps(bounded(2.9, 0.5)).fault == (
         "no placement is said to hold the loads 2.9 times, and a grasp 3 times"
     )
+    data = bounded(2.9, 0.5)
+    data["grasps"].append(copy.deepcopy(data["grasps"][0]))
+    del data["grasps"][1]["strength"]
+    assert replay_grasps(data).fault.endswith("and a grasp 3 times")  # the stronger of both
     data = bounded(3.21, 1.001)
     del data["grasps"][0]["strength"]
     assert replay_grasps(data).ok

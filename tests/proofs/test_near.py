@@ -314,6 +314,15 @@ def held_back(mechanism: Mechanism | None = None, **law: object) -> Grasp:
     return Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, mechanism or Mechanism.direct([]), {})
 
 
+def test_one_motion_that_is_off_is_said_of_two() -> None:
+    """Along x a part in 1e10 less than the force there, along y as much."""
+    contacts = [Contact([0, 0, 0], [1, 0, 0], 0.0), Contact([0, 0, 0], [0, 1, 0], 0.0)]
+    state = {"r": [-1 + D, -1, 0, 0, 0, 0], "forces": [[1, 0, 0], [0, 1, 0]]}
+    for some in (slice(None), slice(None, None, -1)):
+        found = near(*asked(Grasp(contacts[some], []), [-1, -1, 0, 0, 0, 0], state | {"forces": state["forces"][some]}))
+        assert found.changed == pytest.approx(D, rel=1e-4)
+
+
 @pytest.mark.parametrize(("reaction", "missed"), [(0.5, 0.0), (0.5 + D, D), (0.5 + 0.1, 0.1), (-0.5, 1.0)])
 def test_friction_of_a_joint_at_rest_is_no_more_than_its_law(reaction: float, missed: float) -> None:
     """It pushes back with the load, and its friction is 0.5 N in either sense."""
@@ -325,18 +334,23 @@ def test_friction_of_a_joint_at_rest_is_no_more_than_its_law(reaction: float, mi
     assert found.shown == (missed < 1e-9)
 
 
-def test_a_joint_is_held_where_its_stop_is_and_another_where_it_stands() -> None:
-    """The finger had moved 0.4 away from its stop, and is back there but for a part in 1e12."""
-    mechanism = Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ())
-    state = {"r": [-1.4, 0, 0, 0, 0, 0], "q": [-0.4 + 1e-12, 1e-12], "forces": [[1, 0, 0]], "reaction": [1.0, 0.0]}
-    p, x = asked(held_back(mechanism, stop="lower"), [-1, 0, 0, 0, 0, 0], state)
+@pytest.mark.parametrize(
+    ("stop", "sense", "friction"), [("lower", 1.0, 0.0), ("upper", -1.0, 0.0), ("upper", -1.0, 0.25)]
+)
+def test_a_joint_is_held_where_its_stop_is(stop: str, sense: float, friction: float) -> None:
+    """The finger had moved 0.4 away from it, and is back there but for a part in 1e12, as another one at rest is."""
+    joints = [slide("b", [sense, 0, 0], 0, stop=stop, friction=friction), slide("free", [0, 1, 0], friction=0.5)]
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ()))
+    back = {"q": [sense * (-0.4 + 1e-12), 1e-12], "reaction": [sense, 0.0]}
+    p, x = asked(grasp, [-1, 0, 0, 0, 0, 0], {"r": [-1.4, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]]} | back)
     p = replace(p, grasp=p.grasp.with_start(StartData(np.zeros(1), np.array([0.4, 0.0]), np.zeros(0))))
     found = near(p, x)
     assert found.shown, found
     assert found.modes.joint.tolist() == [Part.BACK, Part.RESTS]
     assert found.changed == pytest.approx(1e-12, rel=1e-3)
-    beyond = near(p, replace(x, q=np.array([-0.5, 0.0]), r=np.array([-1.5, 0, 0, 0, 0, 0])))
-    assert (beyond.missed, beyond.where) == (np.inf, "the stop of joint 'b'")
+    beyond = near(p, replace(x, q=np.array([-0.5 * sense, 0.0]), r=np.array([-1.5, 0, 0, 0, 0, 0])))
+    assert not beyond.shown
+    assert friction or (beyond.missed, beyond.where) == (np.inf, "the stop of joint 'b'")
 
 
 def test_a_command_is_within_the_limit_of_its_motor() -> None:

@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.proofs import path_steps
+from handfast.proofs.existence import prove
 from handfast.proofs.fields import BadFile
 from handfast.proofs.path_steps import is_scale_free, near_enough, read_path, replay
 from handfast.proofs.states import Problem
@@ -204,6 +206,20 @@ def test_what_is_said_otherwise_is_refused(name: str, changes: tuple[Change, ...
 def test_what_no_path_says(change: Change, why: str) -> None:
     with pytest.raises(BadFile, match=why):
         fault("across", change)
+
+
+def test_a_bound_says_nothing_of_paths_that_move_farther(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = read_path(saved("sought"))
+    assert path.reached == 1.0
+    assert replace(path, steps=()).reached == -np.inf
+    monkeypatch.setattr(path_steps, "REACH", 1.0)  # 1.2 N is more than the load of 0.6 N
+    assert re.search(r"its path moves by 1.2\d* N, of which its bound says nothing$", replay(path).fault)
+
+
+def test_a_state_that_is_proved_farther_away_is_not_gone_on_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(path_steps, "prove", lambda *args, **asked: replace(prove(*args, **asked), radius=2e-6))
+    why = fault("across")
+    assert why == "step 0: the state that is proved is 2.0e-06 N from the numbers that the path goes on from"
 
 
 def test_only_the_load_alone_may_be_scaled() -> None:
