@@ -129,6 +129,13 @@ def test_each_long_one_is_made(name: str) -> None:
     assert make(name, COARSE)
 
 
+@pytest.mark.parametrize(("timeout", "open_"), [(1e-9, True), (20.0, False)])
+def test_what_is_not_decided_is_in_the_key_of_two_maps(timeout: float, open_: bool) -> None:
+    """Without any time nothing is; with enough, four directions of Fig. 9 all are."""
+    made = stability_figures.force_maps(MakingOptions(steps=4, timeout=timeout), "fig9", 0.0, 2.5)
+    assert ("not decided" in [text.get_text() for text in made.legends[0].texts]) is open_
+
+
 @pytest.mark.parametrize("which", [0, 1])
 def test_what_is_interrupted_is_not_made(monkeypatch: pytest.MonkeyPatch, which: int) -> None:
     """Ctrl-C ends an answer with what was reached: a figure of two maps is not made of one, whichever it comes in."""

@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgb
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.body import Body
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Link
 from handfast.model.hand_regions import HandRegion, HandRegions
@@ -149,6 +150,9 @@ def test_regions_that_are_given_are_taken(wristed: Hand) -> None:
     found = facts_of(wristed, regions)
     assert found.fingers == ("index",)
     assert hand_rows.region_rows(found) == [["nail", "index", "tip", "left_tip", "cap, radius 10 mm, ±57.3°", "0"]]
+    side = CylinderSide([0, 0, 0.02], 0.01, [0, 0, 1], [1, 0, 0], (0, 1), (0, 0.01))
+    sides = HandRegions("x", (HandRegion("shaft", "left_tip", side, "index", "pad"),))
+    assert hand_rows.region_rows(facts_of(wristed, sides))[0][4] == "cylinder side"
     with pytest.raises(InputError, match=r"regions\.nail\.link: unknown link 'left_tip'"):
         facts_of(load_hand("parallel-gripper"), regions)
 

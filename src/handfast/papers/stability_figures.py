@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Circle, Patch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from handfast.core import bundled
@@ -22,7 +22,7 @@ from handfast.papers.mixed_integer_solvers import installed
 from handfast.pictures.camera import views
 from handfast.pictures.drawing import BLUE, GREY, INK, MAROON, solids
 from handfast.pictures.grasp_picture import draw_grasp
-from handfast.pictures.map_picture import draw_map, draw_sweep
+from handfast.pictures.map_picture import OPEN, draw_map, draw_sweep
 from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp
@@ -147,10 +147,11 @@ def force_maps(options: MakingOptions, name: str, *etas: float) -> Figure:
         ax = figure.add_subplot(1, len(maps), k + 1)
         draw_map(answer, ax=ax)
         ax.set_title(f"normals off by up to {eta:g}°", loc="left", fontsize=11, color=INK)
-    ends = [Polygon([(0, 0)], fc=BLUE, alpha=0.6), Polygon([(0, 0)], fc=MAROON)]
-    figure.legend(
-        ends, ["resisted without preload", "added by the preload"], ncols=2, loc="lower center", frameon=False
-    )
+    ends: list[Patch] = [Polygon([(0, 0)], fc=BLUE, alpha=0.6), Polygon([(0, 0)], fc=MAROON)]
+    words = ["resisted without preload", "added by the preload"]
+    if any(patch.get_hatch() == OPEN["hatch"] for ax in figure.axes for patch in ax.patches):
+        ends, words = [*ends, Patch(**OPEN)], [*words, "not decided"]
+    figure.legend(ends, words, ncols=3, loc="lower center", frameon=False)
     figure.subplots_adjust(0.07, 0.15, 0.98, 0.93)
     return figure
 

@@ -7,7 +7,7 @@ import numpy as np
 from handfast.core import bundled
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
-from handfast.model.region import Cap
+from handfast.model.region import Bezier, Cap
 from handfast.pictures.hand_facts import HandFacts, ShownHand
 from handfast.pictures.words import along, body_text, hand_joint_text, hand_laws_text, hand_text, listed, num
 
@@ -99,7 +99,7 @@ def region_rows(facts: HandFacts) -> Rows:
     """Per region: name, finger, role, link, surface, distance from the link's shapes."""
     rows = []
     for r in facts.regions or ():
-        surface = "patch"
+        surface = "patch" if isinstance(r.region, Bezier) else r.region.kind.replace("_", " ")
         if isinstance(r.region, Cap):
             surface = (
                 f"cap, radius {num(1e3 * r.region.radius, 3)} mm, ±{num(float(np.degrees(r.region.half_angle)), 3)}°"
