@@ -1,8 +1,8 @@
 """Faults planted in the compiled functions of the kernels, each compiled and judged by the tests of its kernel.
 
-`mutation.py kernels` runs them. mutmut cannot: it chooses a mutant while Python runs, and these functions are compiled
-before. So each fault here is a piece of source and what stands in its place. It takes a minute to compile and, where no
-test finds it, the two minutes of the tests: what is known is kept beside the copy of the sources in
+`mutation.py kernels` runs them. `plant.py` cannot: its mutants are chosen while Python runs, and these functions are
+compiled before. So each fault here is a piece of source and what stands in its place. It takes a minute to compile and,
+where no test finds it, the two minutes of the tests: what is known is kept beside the copy of the sources in
 build/mutation/kernels, and a run that was stopped goes on from there. A fault is tried again when its kernel or the
 tests have changed.
 """
@@ -128,10 +128,10 @@ FAULTS = (
 )  # fmt: skip
 
 
-def run(folder: Path, size: int | None, seed: int, *, only_known: bool = False) -> list[tuple[Fault, bool]]:
+def run(folder: Path, size: int | None, seed: int) -> list[tuple[Fault, bool]]:
     """Which faults the tests of their kernel find: of all that are tried, or of so many, drawn at random.
 
-    What is known is not tried again. only_known: try none.
+    What is known is not tried again.
 
     Raises:
         SystemExit: a fault that cannot be planted, tests that fail without one.
@@ -144,8 +144,6 @@ def run(folder: Path, size: int | None, seed: int, *, only_known: bool = False) 
     found = []
     for fault in chosen:
         key = _key(fault)
-        if key not in known and only_known:
-            continue
         if key not in known:
             known[key] = _judged(fault, folder, known)
             notes.write_text(json.dumps(known, indent=1), encoding="utf-8")
@@ -206,16 +204,13 @@ def _ended(command: list[str], tree: Path, folder: Path) -> int:
                 running.wait()
 
 
-def copy(names: tuple[str, ...], target: Path, *, without: frozenset[str] = frozenset()) -> None:
-    """Bring a copy of the repository's files and folders of these names up to date.
-
-    without: paths in the repository that are left as they are.
-    """
+def copy(names: tuple[str, ...], target: Path) -> None:
+    """Bring a copy of the repository's files and folders of these names up to date."""
     for name in names:
         for file in sorted((ROOT / name).rglob("*")) if (ROOT / name).is_dir() else [ROOT / name]:
             inside = file.relative_to(ROOT)
             # numba's machine code belongs to one path
-            if file.is_dir() or "__pycache__" in file.parts or str(inside) in without:
+            if file.is_dir() or "__pycache__" in file.parts:
                 continue
             there = target / inside
             if not there.exists() or there.read_bytes() != file.read_bytes():

@@ -4,65 +4,66 @@
     python tools/mutation.py measures planning       # some
     python tools/mutation.py stability/problem/model.py      # one module, by the tests of its package
     python tools/mutation.py measures --survivors    # show what is alive, run nothing
-    python tools/mutation.py measures --fresh        # forget what is known about it
-    python tools/mutation.py measures --sample 300   # no more than these, drawn at random, the same ones each time
-    python tools/mutation.py measures --sample 300 --seed 1  # others
-    python tools/mutation.py planning --quick 2      # by tests that take 2 s at most: the others could only kill more
+    python tools/mutation.py measures --sample 30 --seed 1   # so many of each module, drawn at random
+    python tools/mutation.py planning --budget 5     # what 5 s of tests do not notice counts as alive
     python tools/mutation.py kernels                 # faults in the compiled functions, see kernel_faults.py
 
-mutmut plants the faults (mutants) and runs, for each, the tests that reach the function. A part has a folder of its
-own in build/mutation, where mutmut keeps what it found: a run that was stopped goes on from there, a changed function
-is mutated anew, and whenever a test of the part has changed all that was alive is tried again. Scores and survivors
-go to benchmarks/results/mutation.json; docs/testing.md says which of them are equivalent to the original.
+`plant.py` says what is planted. One process collects the package's tests, and has seen which lines each of them
+reaches. For each mutant it makes a fork, in which the mutated code takes the place of the function's, and which runs
+the tests that reach these lines, the quickest first, until one fails. Those whose tests take three times as long and
+20 s more are out of time, and counted apart.
+
+What is known is kept in build/mutation, so that a run that was stopped goes on; where a function or its tests have
+changed it is tried again. What came of the mutants that were drawn goes to benchmarks/results/mutation.json.
 
 A package is a folder of src/handfast with the modules that are in it, not below it. Its tests are the files in the
 folder of the same name in tests/, or in the folders below that, or in the next folder above that has some.
-
-Not counted, alive or dead: mutants that change nothing but words of a message, and `strict` of zip, which only
-guards against lists of unequal lengths. Not planted: faults outside functions, in properties and in functions
-with other decorators, compiled ones among them (a mutmut mutant is chosen while Python runs): those of the kernels are
-in `kernel_faults.py`.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
+import contextlib
 import hashlib
+import importlib
 import json
 import os
 import random
-import shutil
-import subprocess
+import resource
+import signal
 import sys
-from collections import Counter
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from difflib import unified_diff
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import kernel_faults
-from mutmut.mutation.data import SourceFileMutationData
-from mutmut.stats import status_by_exit_code
-from quick_first import LONGEST
+import pytest
+from plant import Mutant, mutants
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ROOT / "src" / "handfast"
 WORK = ROOT / "build" / "mutation"
 RESULTS = ROOT / "benchmarks" / "results" / "mutation.json"
-COPIED = ("src", "tests", "benchmarks", "docs", "tools", "pyproject.toml", "README.md", "CHANGELOG.md", "mkdocs.yml")
-DEAD = {"killed", "timeout", "segfault", "suspicious"}
-UNKNOWN = "not checked"
-# their texts are words of messages
-TOLD = ("InputError", "BadCertificate", "ClaimRefused", "NotMeasured", "frozen", "BadFile", "Refused", "refuse")
-
-
-# mutated files import mutmut: left out are tests that ask what a fresh Python imports
-WITHOUT = ("proofs/test_closed.py", "proofs/test_synthesis.py")
 # what compiles the kernels: it would be compiled with its mutants
 NOT_MUTATED = ("core/compiled.py", "core/compiler.py")
+# tests of a package that are in the folder of what makes the files that they ask about
+ALSO = {
+    "proofs": (
+        "stability/answers/test_load_path.py",
+        "stability/answers/test_path_torques.py",
+        "planning/test_forged_grasps.py",
+        "planning/test_joined_search.py",
+    )
+}
 KERNELS = "kernels"
+KILLED, ENDLESS, ALIVE = "killed", "out_of_time", "alive"
+Reached = tuple[pytest.Item, float, dict[str, list[int]], str]  # seconds, lines of each source, what the file says
+BUDGET = 10.0  # [s] of tests for a mutant
+LONGEST = 6.0  # [s] of a test while it is looked at, which makes it slower; a test that takes longer is left out
+ROOM = 8 << 30  # bytes that a mutant may ask for
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def tests_of(package: Path) -> tuple[str, ...]:
         beside = ROOT / "tests" / folder
         files = sorted(beside.glob("test_*.py")) or sorted(beside.rglob("test_*.py"))
         if files:
-            return tuple(str(file.relative_to(ROOT / "tests")) for file in files)
+            return (*(str(file.relative_to(ROOT / "tests")) for file in files), *ALSO.get(str(package), ()))
     raise SystemExit(f"{package} has no tests")
 
 
@@ -110,213 +111,182 @@ def main() -> int:
     known = [*packages(), KERNELS]
     parser.add_argument("parts", nargs="*", default=known, metavar="part", help=", ".join(known))
     parser.add_argument("--survivors", action="store_true", help="show what is alive, run nothing")
-    parser.add_argument("--fresh", action="store_true", help="forget what is known")
-    parser.add_argument("--sample", type=int, metavar="N", help="try only N mutants, drawn at random")
+    parser.add_argument("--sample", type=int, metavar="N", help="try N mutants of a module, drawn at random")
     parser.add_argument("--seed", type=int, default=0, metavar="K", help="of the sample (default: 0)")
-    parser.add_argument("--quick", type=float, metavar="S", help="leave out tests that take longer than S seconds")
+    parser.add_argument("--budget", type=float, default=BUDGET, metavar="S", help="seconds of tests for a mutant")
     args = parser.parse_args()
     for name in args.parts:
         if name != KERNELS and part_named(name) is None:
             parser.error(f"there is no package or module '{name}'; there are {', '.join(known)}")
-    for name in args.parts:
-        folder = WORK / name.replace("/", ".")
-        if args.fresh and not args.survivors and folder.is_dir():
-            shutil.rmtree(folder)
-        if name == KERNELS:
-            try_kernels(folder, args.sample, args.seed, args.survivors)
-            continue
-        part = part_named(name)
-        assert part
-        if args.survivors:
-            if not (folder / "mutants").is_dir():
-                parser.error(f"{name} was not run yet")
-            print(*(m.diff for m in mutants(part, folder) if m.counts and not m.dead and m.status != UNKNOWN), sep="\n")
-            continue
-        prepare(part, folder)
-        chosen = sample(part, folder, args.sample, args.seed, args.quick) if args.sample else None
-        # mutmut runs all that it is told by name, what it knows already too
-        waiting = [m.name for m in mutants(part, folder) if m.name in (chosen or ()) and m.status == UNKNOWN]
-        if waiting or chosen is None:
-            run(folder, waiting or None, quick=args.quick)
-        found = [m for m in mutants(part, folder) if chosen is None or m.name in chosen]
-        counted = [m for m in found if m.counts]
-        how = {"sample": args.sample, "seed": args.seed if args.sample else None, "longest_test": args.quick}
-        write(name, described(part, found) | how)
-        print(f"{name}: {sum(m.dead for m in counted)} of {len(counted)} killed", flush=True)
+    parts = {name: part_named(name) for name in args.parts}
+    if args.survivors:
+        for name, part in parts.items():
+            for source in part.sources if part else (name,):
+                print(*("\n".join(lines) for lines in _read(RESULTS)[source]["survivors"]), sep="\n")
+        return 0
+    by_tests: dict[tuple[str, ...], list[str]] = {}
+    for part in parts.values():
+        if part:
+            by_tests.setdefault(part.tests, []).extend(part.sources)
+        else:
+            try_kernels(WORK / KERNELS, args.sample, args.seed)
+    for tests, sources in by_tests.items():
+        options = ["-n", "0", "-m", "", "-q", "-q", "--no-header", "--tb=native", "--capture=sys", "--disable-warnings"]
+        options += [word for name in ("cacheprovider", "timeout", "faulthandler") for word in ("-p", f"no:{name}")]
+        options += [f"{ROOT}/tests/{test}" for test in tests]
+        pytest.main(options, plugins=[Runner(sources, args.sample, args.seed, args.budget)])
     return 0
 
 
-def try_kernels(folder: Path, size: int | None, seed: int, survivors: bool) -> None:
-    """Try faults of kernels and write what came of them, or show those that are alive."""
-    found = kernel_faults.run(folder, size, seed, only_known=survivors)
-    alive = [f"{f.name}\n-{f.old}\n+{f.new}" for f, killed in found if not killed]
-    if survivors:
-        print(*alive, sep="\n")
-        return
-    entry = {"killed": len(found) - len(alive), "faults": len(found), "known": len(kernel_faults.FAULTS)}
-    write(KERNELS, entry | {"survivors": [text.splitlines() for text in alive]})
-    print(f"{KERNELS}: {entry['killed']} of {entry['faults']} killed", flush=True)
+def try_kernels(folder: Path, size: int | None, seed: int) -> None:
+    """Try faults of kernels and write what came of them."""
+    found = kernel_faults.run(folder, size, seed)
+    alive = [[f.name, *f"-{f.old}\n+{f.new}".splitlines()] for f, killed in found if not killed]
+    counts = {"killed": len(found) - len(alive), "faults": len(found), "known": len(kernel_faults.FAULTS)}
+    _write(RESULTS, _read(RESULTS) | {KERNELS: counts | {"survivors": alive}})
+    print(f"{KERNELS}: {counts['killed']} of {counts['faults']} killed", flush=True)
 
 
-def prepare(part: Part, folder: Path) -> None:
-    """Bring a part's folder up to date with the repository, and let what tests might kill now be tried again."""
-    folder.mkdir(parents=True, exist_ok=True)
-    mutated = {str(Path("src") / "handfast" / source) for source in part.sources}
-    kernel_faults.copy(COPIED, folder)
-    kernel_faults.copy(COPIED, folder / "mutants", without=frozenset(mutated))  # mutmut makes these itself
-    shared = folder / "shared"
-    if not shared.exists() and (ROOT.parent / "shared").is_dir():
-        shared.symlink_to(ROOT.parent / "shared")
-    tests = [f"tests/{name}" for name in part.tests]
-    lists = {
-        "source_paths": ["src"],
-        "only_mutate": sorted(mutated),
-        "pytest_add_cli_args": ["-n", "0", "-p", "no:cacheprovider", "-p", "quick_first"]
-        + [word for test in WITHOUT for word in ("--deselect", f"tests/{test}")],
-        "pytest_add_cli_args_test_selection": tests,
-    }
-    text = "".join(f"{key} =\n" + "".join(f"    {v}\n" for v in values) for key, values in lists.items())
-    text += "use_git_change_detection = false\ntrack_dependencies = false\n"
-    (folder / "setup.cfg").write_text(f"[mutmut]\n{text}", encoding="utf-8")
-
-    digest = hashlib.sha256(b"".join((ROOT / test).read_bytes() for test in tests)).hexdigest()
-    known = folder / "tests.sha256"
-    if not known.exists() or known.read_text() != digest:
-        (folder / "mutants" / "mutmut-stats.json").unlink(missing_ok=True)
-        for data in records(part, folder):
-            codes = data.exit_code_by_key
-            data.exit_code_by_key = {k: v if status_by_exit_code[v] in DEAD else None for k, v in codes.items()}
-            (folder / data.meta_path).write_text(
-                json.dumps(
-                    {
-                        "exit_code_by_key": data.exit_code_by_key,
-                        "hash_by_function_name": data.hash_by_function_name,
-                        "type_check_error_by_key": data.type_check_error_by_key,
-                        "durations_by_key": data.durations_by_key,
-                        "estimated_durations_by_key": data.estimated_time_of_tests_by_mutant,
-                    }
-                )
-            )
-        known.write_text(digest)
+# --- in the process that has collected the tests --------------------------------------------------
 
 
-def sample(part: Part, folder: Path, size: int, seed: int, quick: float | None) -> list[str]:
-    """Some mutants that count. mutmut plants them all before it finds that there is none of this name."""
-    run(folder, ["none"], check=False, quick=quick)
-    names = sorted(m.name for m in mutants(part, folder) if m.counts)
-    return random.Random(seed).sample(names, min(size, len(names)))
+class Runner:
+    """A plugin of pytest that runs tests for mutants instead of all tests once."""
+
+    def __init__(self, sources: list[str], size: int | None, seed: int, budget: float) -> None:
+        self.sources, self.size, self.seed, self.budget = sources, size, seed, budget
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Try the mutants of each source."""
+        reached = self.reached(session)
+        for source in self.sources:
+            found, kept, ends = list(mutants(SOURCES / source)), WORK / f"{source}.json", []
+            known = _read(kept)
+            random.Random(self.seed).shuffle(found)
+            for mutant in found[: self.size]:
+                tests, seconds, says = self.judges(mutant, source, reached)
+                if says not in known:
+                    known[says] = _tried(mutant, source, tests, seconds)
+                    _write(kept, known)
+                ends.append(known[says])
+            alive = sorted([m.name, *m.diff()] for m, end in zip(found, ends, strict=False) if end == ALIVE)
+            how: dict[str, Any] = {"seed": self.seed, "budget": self.budget, "mutants": len(found), "tried": len(ends)}
+            how |= {end: ends.count(end) for end in (KILLED, ENDLESS)} | {"survivors": alive}
+            _write(RESULTS, _read(RESULTS) | {source: how})
+            print(f"{source}: {how[KILLED]} of {how['tried']} killed", file=sys.__stdout__, flush=True)
+        return True
+
+    def judges(self, mutant: Mutant, source: str, reached: list[Reached]) -> tuple[list[pytest.Item], float, str]:
+        """The tests that reach what is changed, the quickest first; their seconds; a name of all this."""
+        (first, last), total = mutant.lines, 0.0
+        tests: list[pytest.Item] = []
+        says = f"{mutant.name} {mutant.digest} "
+        for item, seconds, lines, text in reached:
+            if any(first <= n <= last for n in lines.get(source, ())):
+                total += seconds
+                if tests and total > self.budget:
+                    break
+                tests.append(item)
+                says += f"{item.nodeid} {text}"
+        return tests, total, hashlib.sha256(says.encode()).hexdigest()
+
+    def reached(self, session: pytest.Session) -> list[Reached]:
+        """The tests that pass, the quickest first, with what they reach."""
+        every = [s for part in packages().values() if set(self.sources) & set(part.sources) for s in part.sources]
+        texts = hashlib.sha256(b"".join((SOURCES / source).read_bytes() for source in every)).hexdigest()
+        found = []
+        for path in dict.fromkeys(item.path for item in session.items):
+            text = hashlib.sha256(path.read_bytes()).hexdigest()
+            kept = WORK / "reached" / f"{path.relative_to(ROOT / 'tests')}.json"
+            items = [item for item in session.items if item.path == path]
+            if _read(kept).get("of") != [texts, text]:
+                _forked(partial(_traced, items, set(every), kept, [texts, text]), 600.0)
+            tests = _read(kept)["tests"]
+            found += [(item, *tests[item.nodeid], text) for item in items if item.nodeid in tests]
+        return sorted(found, key=lambda each: each[1])
 
 
-def run(folder: Path, names: Sequence[str] | None = None, check: bool = True, quick: float | None = None) -> None:
-    """mutmut on what is not known yet, or on these, in one process: others may be at work."""
-    inherited = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    ours = [str(folder / "mutants" / name) for name in ("src", "tools")]
-    paths = [*ours, *(p for p in inherited if p and Path(p).resolve() != ROOT / "src")]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
-    if quick is not None:
-        environment[LONGEST] = str(quick)
-    command = [sys.executable, "-m", "mutmut", "run", "--max-children", "1", *(names or ())]
-    with (folder / "log.txt").open("w") as log:
-        failed = subprocess.run(command, cwd=folder, env=environment, stdout=log, stderr=log).returncode
-    if failed and check:
-        raise SystemExit(f"mutmut failed; see {folder / 'log.txt'}")
+def _traced(items: list[pytest.Item], sources: set[str], kept: Path, of: list[str]) -> bool:
+    """Runs tests of a file and writes down which lines each of them reaches, and its seconds."""
+    names = {str(SOURCES / source): source for source in sources}
+    lines: dict[str, set[int]] = {}
+    begun, found = 0.0, {}
+
+    def called(frame: Any, event: str, _: Any) -> Any:
+        source = names.get(frame.f_code.co_filename)
+        if source is None:
+            return None
+        if event == "call":
+            if time.process_time() > begun + LONGEST:
+                raise TimeoutError
+            lines.setdefault(source, set())
+        elif event == "line":
+            lines[source].add(frame.f_lineno)
+        return called
+
+    for item, after in zip(items, [*items[1:], None], strict=True):
+        lines.clear()
+        begun, failed = time.process_time(), item.session.testsfailed
+        sys.settrace(called)
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+        sys.settrace(None)
+        if item.session.testsfailed == failed:
+            found[item.nodeid] = (time.process_time() - begun, {s: sorted(n) for s, n in lines.items()})
+    _write(kept, {"of": of, "tests": found})
+    return True
 
 
-# --- what came of it ----------------------------------------------------------------------------
+def _tried(mutant: Mutant, source: str, tests: list[pytest.Item], seconds: float) -> str:
+    """How the tests of a mutant end."""
+    function: Any = importlib.import_module(f"handfast.{source[:-3].replace('/', '.')}")
+    for part in mutant.function.split("."):
+        function = vars(function)[part]
+    for inner in ("fget", "func", "__func__", "__wrapped__"):  # without what decorates it
+        function = getattr(function, inner, function)
+
+    def passes() -> bool:
+        for item, after in zip(tests, [*tests[1:], None], strict=True):
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+            if item.session.testsfailed:
+                return False
+        return True
+
+    own, function.__code__ = function.__code__, mutant.code()
+    try:
+        return _forked(passes, 3 * seconds + 20) if tests else ALIVE
+    finally:
+        function.__code__ = own
 
 
-@dataclass(frozen=True)
-class Mutant:
-    """name: mutmut's. status: mutmut's. diff: of the function's lines. counts: whether it is a fault to be found."""
-
-    name: str
-    source: str
-    status: str
-    diff: str
-    counts: bool
-
-    @property
-    def dead(self) -> bool:
-        return self.status in DEAD
-
-
-def records(part: Part, folder: Path) -> Iterator[SourceFileMutationData]:
-    """mutmut's notes of each mutated file."""
-    for source in part.sources:
-        data = SourceFileMutationData(path=Path("src") / "handfast" / source)
-        data.meta_path = folder / data.meta_path
-        if data.meta_path.exists():
-            data.load()
-            yield data
+def _forked(passes: Callable[[], bool], seconds: float) -> str:
+    """How a call ends in a fork of this process: that says that it passes, does not end, or neither."""
+    sys.stdout.flush()
+    process = os.fork()
+    if process:
+        status = os.waitpid(process, 0)[1]
+        late = os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGPROF, signal.SIGALRM)
+        return ENDLESS if late else KILLED if status else ALIVE
+    passed = False
+    with contextlib.suppress(BaseException):
+        silent = os.open(os.devnull, os.O_RDWR)
+        for stream in (1, 2):
+            os.dup2(silent, stream)
+        for kind in (signal.SIGPROF, signal.SIGALRM):
+            signal.signal(kind, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+        signal.alarm(int(10 * seconds + 60))
+        resource.setrlimit(resource.RLIMIT_AS, (ROOM, ROOM))
+        passed = passes()
+    os._exit(0 if passed else 1)
 
 
-def mutants(part: Part, folder: Path) -> Iterator[Mutant]:
-    """All of a part as far as it was run."""
-    for data in records(part, folder):
-        tree = ast.parse((folder / "mutants" / data.path).read_text("utf-8"))
-        functions = {n.name: n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and "__mutmut_" in n.name}
-        originals: dict[str, tuple[list[str], str]] = {}
-        for key, code in data.exit_code_by_key.items():
-            name = key.rpartition(".")[2]
-            original = name.partition("__mutmut_")[0] + "__mutmut_orig"
-            if original not in originals:
-                originals[original] = _said(functions[original])
-            (before, counted), (after, counts) = originals[original], _said(functions[name])
-            diff = unified_diff(before, after, n=0, lineterm="")
-            changed = "\n".join(line for line in list(diff)[2:] if not line.startswith("@@"))
-            yield Mutant(key, str(data.path), status_by_exit_code[code], f"{key}\n{changed}", counts != counted)
+def _read(file: Path) -> dict[str, Any]:
+    return json.loads(file.read_text("utf-8")) if file.exists() else {}
 
 
-def _said(function: ast.FunctionDef) -> tuple[list[str], str]:
-    """A function's lines, whatever its name is, and all that counts of it."""
-    function.name = "f"
-    return ast.unparse(function).splitlines(), ast.dump(Silent().visit(function))
-
-
-class Silent(ast.NodeTransformer):
-    """Takes out what does not count: the words of messages and `strict` of zip."""
-
-    def visit_Raise(self, node: ast.Raise) -> ast.AST:
-        return Words().visit(node)
-
-    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
-        return Words().visit(node)
-
-    def visit_Call(self, node: ast.Call) -> ast.AST:
-        if isinstance(node.func, ast.Name) and node.func.id in TOLD:
-            node = Words().visit(node)
-        if isinstance(node.func, ast.Name) and node.func.id == "zip":
-            node.keywords = []
-        return self.generic_visit(node)
-
-
-class Words(ast.NodeTransformer):
-    """Takes out text."""
-
-    def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        return ast.Constant("") if isinstance(node.value, str) else node
-
-
-def described(part: Part, found: list[Mutant]) -> dict[str, Any]:
-    """Score and survivors of a part."""
-    counted = [m for m in found if m.counts]
-    dead = sum(m.dead for m in counted)
-    return {
-        "sources": list(part.sources),
-        "tests": list(part.tests),
-        "mutants": len(counted),
-        "killed": dead,
-        "score": round(dead / len(counted), 4) if counted else None,
-        "by_status": dict(Counter(m.status for m in counted)),
-        "words_only": len(found) - len(counted),
-        "survivors": [m.diff.splitlines() for m in counted if not m.dead],
-    }
-
-
-def write(name: str, entry: dict[str, Any]) -> None:
-    """What came of a part, beside the others."""
-    data: dict[str, Any] = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    RESULTS.write_text(json.dumps(dict(sorted((data | {name: entry}).items())), indent=1) + "\n", encoding="utf-8")
+def _write(file: Path, data: dict[str, Any]) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(dict(sorted(data.items())), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -562,6 +562,11 @@ def test_by_how_much_every_inequality_is_kept_by_hand():
     kept("joint {}", "stay off its stop", 1, (0.4 - 0.3 - 0.05) / 0.5, (0, 0, 0, 0))
     kept("joint {}", "lean on its stop", 1, (0.9 - 0.5 - 0.02) * 0.5, (0, 1, 0, 0))
     assert not found
+    still = replace(
+        box, d=np.where(np.arange(17) < 3, [2.0] + [0.0] * 16, d)
+    )  # what may not slide opens by nothing more
+    gap = next(x for _, fault, x, _ in slacks(p, modes, still) if "open" in fault)
+    assert gap[0] == pytest.approx(1 + 0.8 * (2 - 0.1))
     turns = next(x for _, fault, x, _ in slacks(p, modes, box) if "in its sense" in fault)
     assert turns[0] == pytest.approx((0.7 - 0.05) / 4)  # of the motor, which closes backwards
     # forces that are given, by commands, limits and laws, are so exactly

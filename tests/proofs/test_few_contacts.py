@@ -379,6 +379,10 @@ def test_the_largest_torque_counts_of_several() -> None:
     """0.1 and 1e-3 N m at 30 mm from the middle, by 1 N with a friction of 0.75: 0.1 / 0.03 / 1.25 = 2.7 contacts."""
     turns = Loads(("a", "b"), np.array([[0, 0, 0, 0, 0, 0.1], [0, 0, 0, 0, 0, 1e-3]]))
     assert held(BALL, 0.75, np.zeros(3), loads=turns, limit=1.0).fewest() == Fewest(3, "force")
+    pose = np.eye(4)
+    pose[0, 3] = 0.1  # another ball reaches out to 0.13 m: 0.1 / 0.13 / 1.25 = 0.6
+    both = [BALL, Shape("sphere", [0.03], pose)]
+    assert held(both, 0.75, np.zeros(3), loads=turns, limit=1.0).fewest() == Fewest(1)
 
 
 @pytest.mark.parametrize(

@@ -307,7 +307,7 @@ def test_efforts_are_put_in_from_the_balance_of_their_joint():
     ],
 )
 def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin) -> None:
-    """d_n >= 0 of a contact, -r_x >= 1: their sum is d_n - r_x, which is missed by slip, and grows with the scalar.
+    """d_n >= 0 of contact 1, r_x >= 1: their sum is d_n + r_x, which is missed by slip, and grows with the scalar.
 
     In floating point and in rational numbers. energy: of the first row. first: is the second the scalar's first end?
     """
@@ -315,7 +315,7 @@ def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin
     made = equations_of(q)
     n = made.columns.n
     value, none = np.zeros((2, n + len(made.Z))), np.zeros(2, dtype=bool)
-    value[0, n], value[1, 0], right = unit[0], -unit[1], np.array([0.0, unit[1]])
+    value[0, n + 3], value[1, 0], right = unit[0], unit[1], np.array([0.0, unit[1]])
     side = RightSide.of(q, (1.0, 4.0), len(made.E))
     side = replace(side, slack=0 * side.slack, growth=0 * side.growth, slip=slip, slip_growth=grows, energy=energy)
     y, zero, flags = (
