@@ -36,9 +36,8 @@ SOURCES = Path(handfast.__file__).parent
 
 
 def planned() -> Any:
-    block = Body.of([Shape("box", [0.04, 0.04, 0.06])], mass=0.1, friction=0.8, name="block")
-    options = {"count": 2, "seed": 1, "jobs": 1, "attempts": 200, "loads": Loads.gravity(block, "-z")}
-    return plan(load_hand("parallel-gripper"), block, **options)
+    ball = Body.of([Shape("sphere", 0.02)], mass=0.1, friction=0.8, name="ball")
+    return plan(load_hand("parallel-gripper"), ball, count=2, seed=1, jobs=1, loads=Loads.gravity(ball, "-z"))
 
 
 def slipping() -> Any:
@@ -61,7 +60,7 @@ SHOWN: dict[
     "slips": (slipping, "SLIPS  fig1", True),
     "map": (lambda: force_map(load_grasp("fig1"), "xy", steps=8), "forces in the xy plane", True),
     "hold": (lambda: hold(load_grasp("barrett-can"), Loads.wrench([0, 0, -3])), "One preload holds 1 load", True),
-    "plan": (planned, "2 grasps of 2 asked for: parallel-gripper on block", True),
+    "plan": (planned, "2 grasps of 2 asked for: parallel-gripper on ball", True),
     "configuration": (lambda: load_configuration("barrett-can"), "barrett-bh8-280 with can: 8 joints stated", False),
     "closed": (closed, "closed: ", False),
     "task": (lambda: load_task("scalpel-upholding"), "scalpel-upholding: schunk-sah", True),

@@ -268,7 +268,7 @@ def test_every_multiplier_counts(name: str) -> None:
 
 
 def test_a_capped_bound_is_far_above_the_forces_in_play() -> None:
-    data = capped()
+    data = saved("max")
     q = answers.read_answer(data).question
     assert answers.cap_fault(q, 1e9, data["answer"]["upper"], None) == ""
     assert re.match("it is proved for motions up to 1 N only", answers.cap_fault(q, 1.0, data["answer"]["upper"], None))
