@@ -18,7 +18,7 @@ from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
 from handfast.pictures.map_picture import HELD, draw_map, draw_sweep
 from handfast.pictures.scene import scene_meshes
-from handfast.stability.problem.grasp_limits import GraspLimits, Terms
+from handfast.stability.problem.grasp_limits import AskedWith, GraspLimits
 from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 from handfast.stability.studies.questions import force_map
 from tests.support.problems import pinch
@@ -57,7 +57,7 @@ def mapped(grasp: Grasp) -> MapAnswer:
     directions = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     passive = curve([0, 0, 0, 0, 0, 1e4, 1e4, 1e4], unbounded=[5, 6, 7])
     preloaded = curve([3, 2, 2, 2, 3, 1e4, 1e4, 1e4], [3, 2, 5, 2, 3, 0, 0, 0], unbounded=[5, 6, 7])
-    terms = Terms(GraspLimits(eta=np.radians(2.5)))
+    terms = AskedWith(GraspLimits(eta=np.radians(2.5)))
     return MapAnswer(grasp, "xy", directions, passive, preloaded, 1.0, 10, terms=terms)
 
 

@@ -16,7 +16,7 @@ from handfast.model.hand import Hand
 from handfast.model.hand.anatomy import Anatomy
 from handfast.model.shape import Shape
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, Pads, Start, antipodal, palm_of, squeezed
+from handfast.planning.candidates.palm_poses import STANDARD, Pads, PreShape, antipodal, palm_of, squeezed
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import Attempts, Runner
 from handfast.stability.problem.loads import Loads
@@ -121,9 +121,9 @@ def test_a_line_of_the_object_is_laid_along_that_of_the_jaws() -> None:
 def test_a_push_ends_with_the_object_between_the_jaws() -> None:
     hand = load_hand("parallel-gripper")
     palm, scene = palm_of(hand), Scene(hand, BLOCK)
-    between = Start(palm.opened, transform(palm.center, np.eye(3)), palm.axis, around=True)
+    between = PreShape(palm.opened, transform(palm.center, np.eye(3)), palm.axis, around=True)
     np.testing.assert_array_equal(palm_poses.pushed(scene, between, 0.02), between.pose)
-    deeper = Start(palm.opened, transform(palm.center - 0.05 * palm.axis, np.eye(3)), palm.axis, around=True)
+    deeper = PreShape(palm.opened, transform(palm.center - 0.05 * palm.axis, np.eye(3)), palm.axis, around=True)
     pose = palm_poses.pushed(scene, deeper, 0.0)
     assert pose is not None
     assert 1e-3 < scene.distance(palm.opened, pose).min() < 3e-3  # the palm touched before

@@ -17,7 +17,7 @@ from handfast.proofs.discarded_boxes import (
     Boxes,
     BoxTree,
     Collision,
-    Discarded,
+    DiscardCounts,
     NoGraspProof,
     OpenBox,
     hand_motion,
@@ -326,8 +326,8 @@ def test_shares_of_each_reason() -> None:
     which = np.array([[1, 0, OBJECT, 0], [1, 0, 0, 0], [1, 0, OBJECT, 1]])
     shapes = SolidsData.read(solids(0.25, 0.125), LINKS)
     proof = NoGraspProof((0,), contacts, own, Collision(shapes, which, np.zeros((3, 3))), BoxTree((-1,) * 4))
-    counts = Discarded.of(proof, {-1: 10, -2: 20, -3: 30, -4: 11, -5: 28, -6: 1})
-    assert counts == Discarded(10, 20, 30, Counter({(1, OBJECT): 12, (1, 0): 28}))
+    counts = DiscardCounts.of(proof, {-1: 10, -2: 20, -3: 30, -4: 11, -5: 28, -6: 1})
+    assert counts == DiscardCounts(10, 20, 30, Counter({(1, OBJECT): 12, (1, 0): 28}))
     assert counts.words(task, shapes) == (
         "wherever left_finger, right_finger would touch as asked, left_finger is more than 125 mm inside palm (28 %), "
         "or left_finger is more than 250 mm inside the object (12 %), or no contact forces balance the loads (20 %), "

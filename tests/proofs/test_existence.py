@@ -27,7 +27,7 @@ from handfast.proofs.existence import (
 from handfast.proofs.grasp import StartData
 from handfast.proofs.newton import BITS, Box, NotShown, System
 from handfast.proofs.question import read_question
-from handfast.proofs.states import Contact as Contact_
+from handfast.proofs.states import ContactMode as Contact_
 from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
@@ -376,7 +376,9 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     asked = {"grasp": grasp, "goal": "check", "wrench": [1.0, 0, 0, 0, 0, 0], "eta": eta, "force_limit": 2.0}
     q = read_question(asked, "")
     p, g = Problem.of(q, q.grasp.command, q.wrench), q.grasp
-    modes = Modes(np.full(4, states.Contact.SLIDES), np.arange(4) == 0, np.full(1, Part.LOCKED), np.full(1, Part.FREE))
+    modes = Modes(
+        np.full(4, states.ContactMode.SLIDES), np.arange(4) == 0, np.full(1, Part.LOCKED), np.full(1, Part.FREE)
+    )
     none = np.zeros(1)
     x = State(np.array([0.3, -0.2, 0.5, 2.0, -3.0, 1.0]), none, np.ones(12), none, np.zeros(0), none, np.zeros(4))
     system = System.of(p, modes, x, False)
@@ -388,7 +390,7 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     np.testing.assert_allclose(floats, system.A, rtol=1e-10, atol=1e-10 * np.abs(system.A).max())
     exact = system._exact()
     assert [row is None for row in exact] == [True] * 7 + [False, True]  # all contacts slide: nothing else is linear
-    still = replace(modes, contact=np.full(4, states.Contact.STICKS))
+    still = replace(modes, contact=np.full(4, states.ContactMode.STICKS))
     system = System.of(p, still, x, False)
     exact = np.array(system._exact(), dtype=object).astype(float)
     np.testing.assert_allclose(exact[:, :-1], system.A, rtol=1e-12, atol=1e-12)
@@ -465,7 +467,7 @@ def test_inequalities_of_a_step_from_a_state_are_kept_by_as_much_all_over_a_box(
     kinds = [Part.RESTS, Part.LOW, Part.HIGH, Part.MOVES, Part.OPENS, Part.FREE, Part.BACK]
     every = [
         Modes(np.full(g.m, k), np.zeros(g.m, dtype=bool), np.full(g.a, a), np.full(g.l, j))
-        for k in states.Contact
+        for k in states.ContactMode
         for a in (Part.MOVES, Part.RESTS)
         for j in kinds
     ]
@@ -506,7 +508,7 @@ def test_a_state_at_the_edge_of_its_modes_is_moved_inside(family):
     """Friction takes all that it may at one contact that sticks, or 1e-9 N more: others can take some of it."""
     p, x = held(*(got := of_family(family))[:2], **got[2])
     modes = likeliest(p, x)
-    rubs = np.isin(modes.contact, (states.Contact.STICKS, states.Contact.RUBS))
+    rubs = np.isin(modes.contact, (states.ContactMode.STICKS, states.ContactMode.RUBS))
     twist = np.divide(x.torsion, p.grasp.lever, out=np.zeros(p.grasp.m), where=p.grasp.lever > 0)
     friction = np.sqrt((x.c.reshape(-1, 3)[:, 1:] ** 2).sum(axis=1) + twist**2)
     i = int(np.flatnonzero(rubs & (friction > 0))[0])

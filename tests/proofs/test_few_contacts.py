@@ -17,7 +17,7 @@ from handfast.model.shape import Kind, Shape
 from handfast.planning.filters.balance import held_by_contacts, imbalance
 from handfast.proofs.few_contacts import Fewest, Held, replay, to_json, words
 from handfast.proofs.fields import BadFile
-from handfast.proofs.solids import Solid, SurfaceParts, angle, hidden
+from handfast.proofs.solids import ConvexSolid, SurfaceParts, angle, hidden
 from handfast.stability.problem.loads import Loads
 
 CENTER = np.array([0.002, -0.001, 0.003])
@@ -251,7 +251,7 @@ ROUND: tuple[tuple[Kind, list[float]], ...] = (
 )
 
 
-def solid_of(shape: Shape) -> Solid:
+def solid_of(shape: Shape) -> ConvexSolid:
     (out,) = held(shape, 0.5).solids
     return out
 

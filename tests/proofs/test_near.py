@@ -15,7 +15,7 @@ from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData, StartData
 from handfast.proofs.near import _norm, bernstein, controls_of, least_norm, near
 from handfast.proofs.question import read_question
-from handfast.proofs.states import Contact as Kind
+from handfast.proofs.states import ContactMode as Kind
 from handfast.proofs.states import Part, Problem, State
 from handfast.proofs.tolerance import EPS
 from handfast.stability.problem.bound_problem import BoundProblem

@@ -8,7 +8,7 @@ import pytest
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.fields import BadFile, Fields
-from handfast.proofs.states import Contact as Kind
+from handfast.proofs.states import ContactMode as Kind
 from handfast.proofs.states import Laws, Modes, Part, Rows, State, _contact, came_from, choices, read_state
 from tests.support.every_law import every_law
 from tests.support.exact_states import problem

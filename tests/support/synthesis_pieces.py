@@ -57,7 +57,7 @@ class Turned(NamedTuple):
 
 HERE = Path(__file__).parent
 PIECES = f"{__package__}.synthesis_pieces_compiled"
-TAYLOR, POSES = (*library.TAYLOR, w.LineWork, w.Terms), (*library.TAYLOR, w.TurnWork, w.InnerWork)
+TAYLOR, POSES = (*library.TAYLOR, w.LineWork, w.AngleTerms), (*library.TAYLOR, w.TurnWork, w.InnerWork)
 LIBRARY = Library(
     name="synthesis-pieces",
     module=__name__,

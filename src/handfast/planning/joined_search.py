@@ -35,7 +35,7 @@ from handfast.proofs.discarded_boxes import (
     Balance,
     Boxes,
     Collision,
-    Discarded,
+    DiscardCounts,
     NoGraspProof,
     OpenBox,
     Reason,
@@ -329,7 +329,7 @@ class ContactSetSearch:
                 pairs[link, body] += count
             else:
                 forces[int(moved[claim])] += count
-        counts = Discarded(self.entries.count(CONTACTS), forces[0], forces[1], pairs)
+        counts = DiscardCounts(self.entries.count(CONTACTS), forces[0], forces[1], pairs)
         return counts.words(self.contacts.task, self.collision.solids)
 
     @property

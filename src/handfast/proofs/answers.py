@@ -25,7 +25,7 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Figure, Refused, Replay
-from handfast.proofs.states import Contact, Problem, State, read_state
+from handfast.proofs.states import ContactMode, Problem, State, read_state
 from handfast.proofs.tolerance import FAR, drives, farthest, load_scale, motion_size
 
 SCHEMA = "handfast/result/1"
@@ -440,12 +440,12 @@ QUERIES: dict[str, Query] = {"check": Query(), "max": Maximum(), "torques": Torq
 
 
 WORDS = {  # of contacts
-    Contact.OPEN: "open",
-    Contact.TOUCHES: "open",
-    Contact.STICKS: "stick",
-    Contact.SLIDES: "slide",
-    Contact.RUBS: "slide",
-    Contact.LEANS: "slide",
+    ContactMode.OPEN: "open",
+    ContactMode.TOUCHES: "open",
+    ContactMode.STICKS: "stick",
+    ContactMode.SLIDES: "slide",
+    ContactMode.RUBS: "slide",
+    ContactMode.LEANS: "slide",
 }
 NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"))
 
@@ -456,7 +456,7 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
         return dict(NOTHING)
     motions = g.rows[0] @ x.motion
     assert proved.modes is not None
-    states = [Contact(k) for k in proved.modes.contact]
+    states = [ContactMode(k) for k in proved.modes.contact]
     c, d = x.c.reshape(-1, 3), motions[: 3 * g.m].reshape(-1, 3)
     contacts = [
         {

@@ -431,14 +431,14 @@ def replay_no_grasp(
     figures: dict[str, Figure] = {"boxes": len(proof.tree.entries)}
     if left:
         return Replay("no grasp", claim, f"{len(left)} boxes are open", figures)
-    counts = Discarded.of(proof, done)
+    counts = DiscardCounts.of(proof, done)
     figures |= {"contacts": counts.contacts, "balance": counts.balance, "slips": counts.slips}
     figures |= {"collision": counts.collision.total()}
     return Replay("no grasp", counts.words(proof.contacts.task, proof.collision.solids), "", figures)
 
 
 @dataclass(frozen=True)
-class Discarded:
+class DiscardCounts:
     """How many boxes are discarded by each reason; by collision for each link and what it is in.
 
     Attributes:
@@ -451,7 +451,7 @@ class Discarded:
     collision: Counter[tuple[int, int]]
 
     @classmethod
-    def of(cls, proof: NoGraspProof, done: Mapping[int, int]) -> Discarded:
+    def of(cls, proof: NoGraspProof, done: Mapping[int, int]) -> DiscardCounts:
         """By the entries of a tree."""
         pairs: Counter[tuple[int, int]] = Counter()
         first, moved, forces = 2 + len(proof.balance), proof.balance.motions.moved, [0, 0]

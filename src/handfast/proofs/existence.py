@@ -20,7 +20,7 @@ from handfast.proofs.near import Near, near
 from handfast.proofs.newton import Box, NotShown, System
 from handfast.proofs.states import (
     ULP,
-    Contact,
+    ContactMode,
     Modes,
     Part,
     Problem,
@@ -248,7 +248,9 @@ def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Ma
     gap = gap - np.where(g.gaps != 0, 16 * ULP * (np.abs(g.gaps) + np.abs(d[..., 0])), 0.0)
     presses = c[..., 0] - c_off[..., 0]
     inside = g.mu * presses * (1 - 8 * ULP) - length(c[..., 1:]) - length(c_off[..., 1:])
-    rubs = ((modes.contact == Contact.STICKS) | (modes.contact == Contact.RUBS)) & (g.mu > 0)  # LEANS is by its ratio
+    rubs = ((modes.contact == ContactMode.STICKS) | (modes.contact == ContactMode.RUBS)) & (
+        g.mu > 0
+    )  # LEANS is by its ratio
     below = p.force_limit - c[..., 0] - np.where(modes.closed, c_off[..., 0], 0.0)
     arms = p.grasp.row_units
     f, t = box.phi[..., actuators], box.d[..., actuators] * sense(p)
@@ -268,7 +270,7 @@ def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Ma
     went = (side != 0) & (modes.joint != Part.BACK)
     kind, unit_f, unit_t = modes.contact, arms[actuators], 1.0 / arms[actuators]
     return [
-        ("contact {}", "is not proved to be open", gap, kind == Contact.OPEN),
+        ("contact {}", "is not proved to be open", gap, kind == ContactMode.OPEN),
         ("contact {}", "is not proved to press", presses, modes.closed),
         ("contact {}", "is not proved to be inside its friction cone", inside, rubs),
         ("contact {}", "is not proved to keep the force limit", below, modes.closed & ~modes.full),

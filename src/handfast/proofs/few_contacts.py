@@ -34,7 +34,7 @@ import numpy as np
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
 from handfast.proofs.replay import Replay
-from handfast.proofs.solids import Solid, SurfaceParts, angle, hidden
+from handfast.proofs.solids import ConvexSolid, SurfaceParts, angle, hidden
 
 SCHEMA = "handfast/contacts/1"
 MARGIN = 1e-6  # [rad], or of a sum
@@ -73,7 +73,7 @@ class Held:
         torsion: [m] coefficient of torsional friction at every contact; 0 for point contacts.
     """
 
-    solids: tuple[Solid, ...]
+    solids: tuple[ConvexSolid, ...]
     center: Array
     loads: Array
     friction: float
@@ -237,11 +237,11 @@ def _rank(a: Array, most: float) -> int:
     return int(np.linalg.matrix_rank(a, tol=DIRECTION * most))
 
 
-def _ball(s: Solid) -> bool:
+def _ball(s: ConvexSolid) -> bool:
     return s.kind == "sphere" or (s.kind == "ellipsoid" and len(set(s.size)) == 1)
 
 
-def _axis(s: Solid) -> Array | None:
+def _axis(s: ConvexSolid) -> Array | None:
     """(3,) about which a solid is round; None of a ball and of what is not."""
     if s.kind in ("capsule", "cylinder"):
         return np.asarray(s.pose[:3, 2])
@@ -274,7 +274,7 @@ def words(fewest: Fewest) -> str:
 
 def read_held(f: Fields) -> tuple[Held, tuple[str, ...]]:
     """What a file asks, and the names of the loads."""
-    solids = tuple(Solid.read(s) for s in f.objects("solids"))
+    solids = tuple(ConvexSolid.read(s) for s in f.objects("solids"))
     loads = f.object("loads")
     named = {name: loads.numbers(name, (6,)) for name in loads.names()}
     limit = f.number("force_limit", least=0.0) if f.has("force_limit") else np.inf

@@ -22,7 +22,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from handfast.proofs.fields import Array, exact, floats, not_zero
-from handfast.proofs.states import ULP, Contact, Modes, Part, Problem, State, reaction_ends, sense
+from handfast.proofs.states import ULP, ContactMode, Modes, Part, Problem, State, reaction_ends, sense
 from handfast.proofs.tolerance import EPS, WORK, motion_size
 
 BELOW, ABOVE = 1 - 1e-6, 1 + 1e-9  # what is allowed, and what is bounded, with room for the rounding of bounds
@@ -220,14 +220,18 @@ class _Curve:
         drawn = (defect + radial * fast) / least
         slides = np.abs(press + p.sin * speed).max(axis=0) + gap_off + clipped
         slips = [  # modes, by how much forces change for them, and motions at the contact
-            (Contact.OPEN, np.hypot(np.abs(c_n), tangential).max(axis=0), _positive((gap_off_open - gap).max(axis=0))),
-            (Contact.STICKS, inside, np.hypot(np.abs(press).max(axis=0) + clipped, fast)),
+            (
+                ContactMode.OPEN,
+                np.hypot(np.abs(c_n), tangential).max(axis=0),
+                _positive((gap_off_open - gap).max(axis=0)),
+            ),
+            (ContactMode.STICKS, inside, np.hypot(np.abs(press).max(axis=0) + clipped, fast)),
         ]
         if p.mdp:  # friction is turned to the motion, or the motion to the friction
             stretched = (1 + mu) * clipped + radial
-            slips += [(Contact.SLIDES, turned, slides), (Contact.SLIDES, stretched, np.hypot(slides, drawn))]
+            slips += [(ContactMode.SLIDES, turned, slides), (ContactMode.SLIDES, stretched, np.hypot(slides, drawn))]
         else:
-            slips += [(Contact.RUBS, inside, slides)]
+            slips += [(ContactMode.RUBS, inside, slides)]
         changes, gives = (np.array([option[i] for option in slips]) * ABOVE for i in (1, 2))
         changes, gives = (np.where(np.isfinite(x), x, np.inf) for x in (changes, gives / p.cos))
         cost = np.where(gives <= EPS * self.F * BELOW, changes, np.inf)
@@ -237,7 +241,7 @@ class _Curve:
         self.c_off, self.slip = changes[best, every], gives[best, every]
         self.changed = float(max(self.c_off.max(), self.slip.max()))
         self._fault("the law of contact {}", self.slip)
-        opens = self.contact == Contact.OPEN
+        opens = self.contact == ContactMode.OPEN
         self.c[:, opens], self.twist[:, opens], self.c_off[opens] = 0.0, 0.0, 0.0
         bare = (mu == 0) & ~opens
         self.c[:, bare, 1:], self.c_off[bare] = 0.0, ABOVE * clipped[bare]

@@ -19,7 +19,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat, fmpz_mat, nmod_mat
 
 from handfast.proofs.fields import Array, Integers, exact
-from handfast.proofs.states import ULP, Contact, Laws, Modes, Numbers, Part, Problem, Rows, State
+from handfast.proofs.states import ULP, ContactMode, Laws, Modes, Numbers, Part, Problem, Rows, State
 
 ROUNDS = 5  # for a box
 BITS = 320  # of balls, see `balls`
@@ -311,7 +311,7 @@ class System:
 
 def between(modes: Modes) -> str:
     """A part that is between two modes; "" if none is."""
-    for i in np.flatnonzero(np.isin(modes.contact, (Contact.TOUCHES, Contact.LEANS)) | modes.full):
+    for i in np.flatnonzero(np.isin(modes.contact, (ContactMode.TOUCHES, ContactMode.LEANS)) | modes.full):
         return f"contact {i}"
     for j in np.flatnonzero(np.isin(modes.actuator, (Part.LOW, Part.HIGH, Part.LOWEST))):
         return f"actuator {j}"

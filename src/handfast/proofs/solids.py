@@ -101,7 +101,7 @@ def angle(a: Array, b: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class ConvexSolid:
     """A convex solid in the object's frame.
 
     Attributes:
@@ -116,7 +116,7 @@ class Solid:
     faces: Integers
 
     @classmethod
-    def read(cls, f: Fields) -> Solid:
+    def read(cls, f: Fields) -> ConvexSolid:
         """From a file."""
         kind = f.text("kind", among=tuple(SIZES))
         size = f.numbers("size", (SIZES[kind],), [])
@@ -251,7 +251,7 @@ class Solid:
         return np.asarray(s[0] - np.linalg.norm(p - along[..., None] * np.array([0, 0, 1]), axis=-1))
 
 
-def hidden(parts: SurfaceParts, solids: Sequence[Solid]) -> Mask:
+def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
     """(N,) parts that are nowhere on the surface: in another solid, which reaches beyond them along each normal."""
     axis, half = parts.cones()
     narrow, far = half < WIDE, parts.radius[:, None, None]

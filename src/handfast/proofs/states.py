@@ -161,7 +161,7 @@ def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
     return StartData(gaps, stops, slack), room
 
 
-class Contact(IntEnum):
+class ContactMode(IntEnum):
     """The mode of a contact."""
 
     OPEN = 0
@@ -198,11 +198,11 @@ class Modes:
     @property
     def closed(self) -> Mask:
         """(m,) which contacts press."""
-        return np.asarray(self.contact >= Contact.STICKS)
+        return np.asarray(self.contact >= ContactMode.STICKS)
 
     def words(self, g: GraspData) -> dict[str, str]:
         """By contact, actuator and joint."""
-        out = {f"contact {i}": Contact(k).name.lower() for i, k in enumerate(self.contact)}
+        out = {f"contact {i}": ContactMode(k).name.lower() for i, k in enumerate(self.contact)}
         out |= {name: Part(k).name.lower() for name, k in zip(g.actuators, self.actuator, strict=True)}
         laws = zip(g.joints, self.joint, strict=True)
         return out | {f"reaction of {name}": Part(k).name.lower() for name, k in laws if k != Part.FREE}
@@ -232,10 +232,10 @@ class Rows:
         g, n = p.grasp, len(p.grasp.rows[0])
         held, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         given = np.zeros(n)
-        held[p.grasp.contact_rows[modes.contact == Contact.TOUCHES, 0]] = True
-        sticks = modes.contact == Contact.STICKS
+        held[p.grasp.contact_rows[modes.contact == ContactMode.TOUCHES, 0]] = True
+        sticks = modes.contact == ContactMode.STICKS
         held[p.grasp.contact_rows[sticks, 1:]] = True
-        rubs = (sticks | (modes.contact == Contact.RUBS)) & (g.mu > 0)
+        rubs = (sticks | (modes.contact == ContactMode.RUBS)) & (g.mu > 0)
         unknown[p.grasp.contact_rows[rubs, 1:]] = True
         _, _, actuators, couplings, joints = g.parts
         k = modes.actuator
@@ -263,7 +263,7 @@ def _come_back(p: Problem, modes: Modes) -> dict[int, fmpq]:
     g = p.grasp
     _, _, actuators, _, joints = g.parts
     out = {int(g.contact_rows[i, 0]): -rational(g.gaps[i]) / rational(p.cos) for i in np.flatnonzero(g.gaps)}
-    out = {k: x for k, x in out.items() if modes.contact[k // 3] == Contact.TOUCHES}
+    out = {k: x for k, x in out.items() if modes.contact[k // 3] == ContactMode.TOUCHES}
     pulls = np.isin(modes.actuator, (Part.RESTS, Part.LOW, Part.HIGH, Part.LOWEST)) & (g.slack != 0)
     out |= {actuators.start + int(j): -rational(g.slack[j]) for j in np.flatnonzero(pulls)}
     back = np.flatnonzero(modes.joint == Part.BACK)
@@ -337,21 +337,23 @@ def _contact(
     gap = before + p.cos * d[0] + p.sin * slides
     if phi[0] <= none_f:
         near, still = abs(gap) <= none_d, slides <= none_d
-        shut = [Contact.TOUCHES] if near else []
+        shut = [ContactMode.TOUCHES] if near else []
         if near and gap < 0:  # it presses by as little
-            shut += [Contact.STICKS, Contact.SLIDES] if still else [Contact.SLIDES]
-        shut += [x for x in (Contact.OPEN, Contact.TOUCHES, Contact.STICKS, Contact.SLIDES) if x not in shut]
+            shut += [ContactMode.STICKS, ContactMode.SLIDES] if still else [ContactMode.SLIDES]
+        shut += [
+            x for x in (ContactMode.OPEN, ContactMode.TOUCHES, ContactMode.STICKS, ContactMode.SLIDES) if x not in shut
+        ]
         return [(int(k), False) for k in (shut if near else shut[:2])]
     still = slides <= none_d
     if not p.mdp:
-        kinds = [Contact.LEANS] if mu > 0 and mu * phi[0] - rubs <= none_f else []
-        kinds = [Contact.STICKS, *kinds, Contact.RUBS] if still and p.sin else [*kinds, Contact.RUBS]
+        kinds = [ContactMode.LEANS] if mu > 0 and mu * phi[0] - rubs <= none_f else []
+        kinds = [ContactMode.STICKS, *kinds, ContactMode.RUBS] if still and p.sin else [*kinds, ContactMode.RUBS]
     elif mu == 0:
-        kinds = [Contact.STICKS, Contact.SLIDES] if still and p.sin else [Contact.SLIDES]
+        kinds = [ContactMode.STICKS, ContactMode.SLIDES] if still and p.sin else [ContactMode.SLIDES]
     else:
         along = -sum(x * y for x, y in zip(phi[1:], d[1:], strict=True)) > 0.99 * slides * rubs and slides > 0
         inside = mu * phi[0] - rubs > none_f
-        kinds = [Contact.SLIDES, Contact.STICKS]
+        kinds = [ContactMode.SLIDES, ContactMode.STICKS]
         kinds = kinds[::-1] if still and (inside or not along) else kinds
         kinds = kinds if still or not inside else kinds[:1]
     full = abs(p.force_limit - phi[0]) <= none_f
@@ -395,10 +397,10 @@ class Laws:
         closed = np.flatnonzero(modes.closed)
         rows, kinds = p.grasp.contact_rows[closed], modes.contact[closed]
         D, n = d[rows], len(closed)
-        rub = np.where((kinds == Contact.SLIDES) & smooth, p.grasp.mu[closed], 0.0)
-        turns = np.flatnonzero((rub > 0) | ((kinds != Contact.STICKS) & (p.sin != 0) & smooth))
+        rub = np.where((kinds == ContactMode.SLIDES) & smooth, p.grasp.mu[closed], 0.0)
+        turns = np.flatnonzero((rub > 0) | ((kinds != ContactMode.STICKS) & (p.sin != 0) & smooth))
         lean = np.zeros((n, 3))
-        for k in np.flatnonzero(kinds == Contact.LEANS):
+        for k in np.flatnonzero(kinds == ContactMode.LEANS):
             c, mu = phi[rows[k]], p.grasp.mu[closed[k]]
             lean[k] = c[1:] / max(c[0], np.sqrt(c[1:] @ c[1:]) / mu) * (1 - 1e-12)
         cos, sin, gaps, by_speed, leans = (number(x) for x in (p.cos, p.sin, p.grasp.gaps[closed], rub, lean))

@@ -26,7 +26,7 @@ from handfast.readers.grasp_file import save_grasp, to_dict
 from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.answers.load_path import LoadPath
-from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.settings import INF, Loading
 from handfast.stability.studies.ask_again import Asking, BoundsClaim, Claim, VerdictClaim, asked, together
 from handfast.stability.studies.verify_maps import grasp_of
@@ -231,7 +231,7 @@ def replay_settled(data: Any, how: Asking) -> Replay:
         f.take(name, None)
     f.done()
 
-    terms = Terms(loading=loading)
+    terms = AskedWith(loading=loading)
     claims: dict[str, list[Claim]] = {"first": [], "last": []}
     if before != Verdict.UNDECIDED:
         claims["first"].append(VerdictClaim("before", first, wrench, terms, before))

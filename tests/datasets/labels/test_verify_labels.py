@@ -17,7 +17,7 @@ from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.labeller import Labelling
 from handfast.datasets.labels.verify_labels import CommandsClaim
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.studies.ask_again import Clock
 from tests.support.labelled import write_lines
 from tests.support.problems import pinch
@@ -115,7 +115,7 @@ def test_what_contradicts_itself_or_the_dataset_is_refused(
 def test_commands(commands: list[float] | None, lower: float, upper: float, why: str) -> None:
     """0.5 N across: 0.05 N m at arms of 0.1 m and a friction of 0.5."""
     load, given = np.array([0, 0.5, 0, 0, 0, 0]), None if commands is None else np.array(commands)
-    claim = CommandsClaim("commands", pinch(), load, Terms(), given, lower, upper)
+    claim = CommandsClaim("commands", pinch(), load, AskedWith(), given, lower, upper)
     faults = [told.refused for told in claim.ask(Clock(np.inf, np.inf, 1)) if not told.ok]
     assert [fault[: len(why)] for fault in faults] == ([why] if why else [])
 

@@ -16,7 +16,7 @@ from handfast import InputError, verify
 from handfast.core.answer import Stop
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
-from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.settings import INF, Settings
 from handfast.stability.studies import ask_again
 from handfast.stability.studies.ask_again import NO_TIME, Asking, BoundsClaim, Clock, VerdictClaim, figures_of, together
@@ -174,8 +174,8 @@ def test_a_proof_that_fails_proves_nothing(method: str, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(ask_again, method, unproved)
     load, clock = np.array([0, 1.0, 0, 0, 0, 0]), Clock(INF, INF, 1)
-    verdict = VerdictClaim("verdict", pinch(), 0.5 * load, Terms(), "holds")
-    bounds = BoundsClaim("lower", pinch(), load, Terms(), 0.5, 1.5, upper_place="upper")
+    verdict = VerdictClaim("verdict", pinch(), 0.5 * load, AskedWith(), "holds")
+    bounds = BoundsClaim("lower", pinch(), load, AskedWith(), 0.5, 1.5, upper_place="upper")
     told = (verdict if method == "check" else bounds).ask(clock)
     open_ones = [part for part in told if part.open]
     assert "its proof is refused: witness: it is none" in open_ones[0].undecided
@@ -184,7 +184,7 @@ def test_a_proof_that_fails_proves_nothing(method: str, monkeypatch: pytest.Monk
 
 def test_a_bound_for_small_motions_counts_only_where_the_search_was_complete() -> None:
     load = np.array([0, 1.0, 0, 0, 0, 0])
-    claim = BoundsClaim("lower", pinch(), load, Terms(), 0.5, 1.5, upper_place="upper")
+    claim = BoundsClaim("lower", pinch(), load, AskedWith(), 0.5, 1.5, upper_place="upper")
     answer = maximum(pinch(), load)
     capped = Replay("max", parts=(Replay("certificate", "it slips", figures={"leaves": 3, "motion_cap": 5.0}),))
     for stop, good in ((Stop.COMPLETE, True), (Stop.NUMERICAL, False)):

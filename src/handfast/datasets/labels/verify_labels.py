@@ -34,7 +34,7 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
 from handfast.proofs.fields import SAME, BadFile, number, numbers, same
 from handfast.proofs.replay import Replay
-from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import INF
 from handfast.stability.studies.ask_again import (
@@ -128,8 +128,8 @@ class _Recipe(InFiles):
         return replace(read, scene=read.scene and read.scene.resolved_from(Path(source).parent))
 
     @property
-    def terms(self) -> Terms:
-        return Terms(gap=self.questions.gap, loading=self.questions.loading)
+    def terms(self) -> AskedWith:
+        return AskedWith(gap=self.questions.gap, loading=self.questions.loading)
 
 
 def _claims(said: Mapping[str, Any], row: DatasetRow, recipe: _Recipe, source: str) -> tuple[list[Replay], list[Claim]]:

@@ -101,7 +101,7 @@ class Palm:
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class PreShape:
     """A pre-shape, from which the hand is pushed up to an object.
 
     Attributes:
@@ -163,7 +163,7 @@ def _out_of_face(palm: Palm) -> Array:
     return np.asarray(seen) if seen @ middle > 0 else middle
 
 
-def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, how: Sampling) -> Start:
+def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, how: Sampling) -> PreShape:
     """A random start, the hand's centre on a point of the object's surface: the hand is to be pushed up from afar."""
     q = _preshape(rng, hand, palm, how)
     start = _between_jaws(rng, palm, q, surface, how) if palm.jaws else None
@@ -179,12 +179,12 @@ def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampl
     if how.central and rng.random() < how.central:
         point = surface.middle + rng.random() * (point - surface.middle)
     point = point + how.aside * rng.standard_normal(3)
-    return Start(q, transform(palm.center - R @ point, R), approach)
+    return PreShape(q, transform(palm.center - R @ point, R), approach)
 
 
 def _between_jaws(
     rng: np.random.Generator, palm: Palm, q: Array, surface: SurfaceSampler, how: Sampling
-) -> Start | None:
+) -> PreShape | None:
     """Two points of the object that press against each other, between the jaws; None if there are none.
 
     The palm comes from anywhere around the line on which they lie, in a share of the starts square to another side. A
@@ -201,7 +201,7 @@ def _between_jaws(
     seen = (_aside(rng, surface, line), -palm.axis) if square else None
     R = squeezed(pads.line, line, seen, rng.uniform(0, 2 * np.pi))
     depth = how.aside * rng.standard_normal()
-    return Start(q, transform(palm.center + depth * palm.axis - R @ middle, R), palm.axis, around=True)
+    return PreShape(q, transform(palm.center + depth * palm.axis - R @ middle, R), palm.axis, around=True)
 
 
 def _aside(rng: np.random.Generator, surface: SurfaceSampler, line: Array) -> Array:
@@ -241,7 +241,7 @@ def calmer(palm: Palm, q: Array, share: float) -> Array:
     return palm.anatomy.within(np.where(abducts, rest + share * (q - rest), q))
 
 
-def pushed(scene: Scene, start: Start, back: float) -> Array | None:
+def pushed(scene: Scene, start: PreShape, back: float) -> Array | None:
     """The object's pose (4, 4) once the hand was pushed along its approach up to the object, then `back` [m].
 
     Every step of the push is as long as the distance that is left, so that no surface is passed. Jaws end where the

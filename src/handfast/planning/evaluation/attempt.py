@@ -19,7 +19,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import Palm, Start, palm_of
+from handfast.planning.candidates.palm_poses import Palm, PreShape, palm_of
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.closing import Closed, close
 from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedContacts, spanning
@@ -146,7 +146,7 @@ class Placed(NamedTuple):
 
     closed: Closed
     pose: Array
-    start: Start
+    start: PreShape
 
 
 class Runner:
@@ -184,7 +184,7 @@ class Runner:
         tally.add(None)
         return UnitResult(tally, (found,))
 
-    def placed(self, start: Start, back: float) -> Placed | Dropped:
+    def placed(self, start: PreShape, back: float) -> Placed | Dropped:
         """The hand pushed up to the object and closed; or why that gives no grasp."""
         deep = self.clearance.overlaps(start.q)
         for share in CALMER:

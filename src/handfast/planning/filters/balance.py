@@ -15,7 +15,7 @@ from handfast.core.arrays import Array
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.proofs.few_contacts import Held
-from handfast.proofs.solids import Solid
+from handfast.proofs.solids import ConvexSolid
 from handfast.stability.problem.loads import Loads
 
 EDGES = 8  # of the pyramid in each friction cone, of a soft finger on each circle of latitude
@@ -130,9 +130,9 @@ def held_by_contacts(
     """
     none = np.zeros((0, 3))
     solids = [
-        Solid("mesh", (), np.eye(4), *s.triangles())
+        ConvexSolid("mesh", (), np.eye(4), *s.triangles())
         if s.kind in ("box", "mesh")
-        else Solid(s.kind, s.size, s.pose, none, none.astype(np.int64))
+        else ConvexSolid(s.kind, s.size, s.pose, none, none.astype(np.int64))
         for s in body.pieces
     ]
     center, mu = np.asarray(body.center_of_mass, dtype=float), body.friction if friction is None else friction

@@ -83,7 +83,7 @@ NO_LIMITS = GraspLimits()
 
 
 @dataclass(frozen=True)
-class Terms:
+class AskedWith:
     """With what numbers in a file were asked for: limits, mdp and loading of `check`, relative gap of `Settings`."""
 
     limits: GraspLimits = NO_LIMITS

@@ -31,7 +31,7 @@ from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.load_path import AGREE
 from handfast.stability.answers.max_query import ask as maximum
 from handfast.stability.problem.bound_problem import grasp_data
-from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import INF, Settings
 from handfast.stability.studies.batch import OnItem
@@ -100,7 +100,7 @@ class Claim(ABC):
     place: str
     grasp: Grasp
     load: Array
-    terms: Terms
+    terms: AskedWith
 
     @abstractmethod
     def ask(self, clock: Clock) -> tuple[Replay, ...]:

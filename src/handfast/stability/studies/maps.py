@@ -20,7 +20,7 @@ from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.answers.batch_answer import BatchAnswer
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.scaled_problem import as_wrench
 from handfast.stability.studies.batch import BatchOptions, OnItem, max_many
 
@@ -102,7 +102,7 @@ class _Curves(Presented):
     """The verdict and stop of an answer that consists of curves."""
 
     grasp: Grasp
-    terms: Terms
+    terms: AskedWith
     curves: tuple[Curve, ...]
 
     def question_json(self) -> dict[str, Any]:
@@ -160,7 +160,7 @@ class MapAnswer(_Curves):
     seconds: float
     nodes: int
     at: Array = field(default_factory=lambda: np.zeros(3))
-    terms: Terms = field(default=Terms(), repr=False)
+    terms: AskedWith = field(default=AskedWith(), repr=False)
 
     @property
     def eta(self) -> float:
@@ -207,7 +207,7 @@ class SweepAnswer(_Curves):
     curves: tuple[Curve, ...]
     seconds: float
     nodes: int
-    terms: Terms = field(default=Terms(), repr=False)
+    terms: AskedWith = field(default=AskedWith(), repr=False)
 
     def to_json(self) -> dict[str, Any]:
         return header(self, "sweep") | {
@@ -258,7 +258,7 @@ def ask_map(
         seconds=time.monotonic() - start,
         nodes=int(answers.nodes.sum()),
         at=point,
-        terms=Terms(asked.limits, gap=asked.settings.gap, loading=asked.loading),
+        terms=AskedWith(asked.limits, gap=asked.settings.gap, loading=asked.loading),
     )
 
 
@@ -321,5 +321,5 @@ def sweep(
         curves=tuple(Curve.of_rows(answers, (slice(None), k)) for k in range(len(d))),
         seconds=time.monotonic() - start,
         nodes=int(answers.nodes.sum()),
-        terms=Terms(asked.limits, gap=asked.settings.gap, loading=asked.loading),
+        terms=AskedWith(asked.limits, gap=asked.settings.gap, loading=asked.loading),
     )

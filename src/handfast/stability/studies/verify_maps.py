@@ -18,7 +18,7 @@ from handfast.proofs.fields import SAME, BadFile, Fields, number, numbers
 from handfast.proofs.question import MAX_ETA
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
-from handfast.stability.problem.grasp_limits import GraspLimits, Terms
+from handfast.stability.problem.grasp_limits import AskedWith, GraspLimits
 from handfast.stability.problem.settings import INF
 from handfast.stability.studies.ask_again import Asking, BoundsClaim, Claim, IntervalClaim, asked, together
 from handfast.stability.studies.maps import PLANES, forces_at, in_plane, of_all
@@ -66,13 +66,13 @@ class Cell:
             )
         return None
 
-    def claim(self, grasp: Grasp, load: Array, terms: Terms) -> Claim:
+    def claim(self, grasp: Grasp, load: Array, terms: AskedWith) -> Claim:
         """To be asked."""
         where = self.at("unbounded" if self.unbounded else "lower")
         return BoundsClaim(where, grasp, load, terms, self.lower, self.upper, self.unbounded, self.at("upper"))
 
 
-def read_question(f: Fields) -> tuple[Grasp, Terms]:
+def read_question(f: Fields) -> tuple[Grasp, AskedWith]:
     """What a map or a sweep was asked with. Raises `BadFile`, and `InputError` for the grasp."""
     grasp = grasp_of(f)
     eta, mdp, gap = f.number("eta", least=0.0), f.flag("mdp"), f.number("gap", least=0.0)
@@ -84,7 +84,7 @@ def read_question(f: Fields) -> tuple[Grasp, Terms]:
     f.done()
     if not (eta < MAX_ETA and 0 < gap < INF):
         raise BadFile("has an eta beyond 45 degrees, or a gap that is not above 0", f.place)
-    return grasp, Terms(GraspLimits(eta, limits, force), mdp, gap, loading)
+    return grasp, AskedWith(GraspLimits(eta, limits, force), mdp, gap, loading)
 
 
 def grasp_of(f: Fields, name: str = "grasp") -> Grasp:
@@ -173,7 +173,7 @@ def _header(data: Any, query: str) -> tuple[Fields, Verdict]:
     return f, verdict
 
 
-def _same_question(grasp: Grasp, terms: Terms, preload: dict[str, float], eta: float) -> list[Replay]:
+def _same_question(grasp: Grasp, terms: AskedWith, preload: dict[str, float], eta: float) -> list[Replay]:
     """What the answer says of its question beside it, where that is something else."""
     out = []
     for name in {**grasp.preload, **preload}:
@@ -234,7 +234,7 @@ def _cell(within: str, place: str, lower: Any, upper: Any, unbounded: Any, verdi
 _Part = tuple[str, str, _Told, list[tuple[Grasp, Array]]]  # name, what it is, what is said of each case, the cases
 
 
-def _asked(query: str, parts: Sequence[_Part], terms: Terms, faults: list[Replay], how: Asking) -> Replay:
+def _asked(query: str, parts: Sequence[_Part], terms: AskedWith, faults: list[Replay], how: Asking) -> Replay:
     """All of it in one go, part by part."""
     claims: list[Claim] = []
     owner: list[int] = []

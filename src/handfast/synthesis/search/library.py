@@ -21,7 +21,7 @@ LIBRARY = Library(
         "find": EntryPoint(f"{KERNELS}.local_search", (*TASK, w.Draws, *LOCAL, w.Found, int)),
         "walk": EntryPoint(f"{KERNELS}.local_search", (*TASK, w.Departures, *LOCAL, w.Found)),
         "explore_set": EntryPoint(
-            f"{KERNELS}.set_search", (*TASK, w.Stack, w.SetQuestion, *TAYLOR, w.LineWork, w.Terms, int, float)
+            f"{KERNELS}.set_search", (*TASK, w.Stack, w.SetQuestion, *TAYLOR, w.LineWork, w.AngleTerms, int, float)
         ),
         "explore_poses": EntryPoint(
             f"{KERNELS}.pose_search", (*TASK, w.Stack, w.PoseQuestion, *TAYLOR, w.TurnWork, w.InnerWork, int, float)

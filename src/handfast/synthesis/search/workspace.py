@@ -268,7 +268,7 @@ class LineWork(NamedTuple):
     arcs: RealMatrix  # (c, 5) spins about it, see `spins.spins`
 
 
-class Terms(NamedTuple):
+class AngleTerms(NamedTuple):
     """Polynomials of numbers that conditions on angles are made of."""
 
     value: RealMatrix  # (16, 3) in the middle, remainder, how far it strays
@@ -282,7 +282,7 @@ class SetWork(NamedTuple):
     polynomials: Polynomials
     taylor: TaylorWork
     line: LineWork
-    terms: Terms
+    terms: AngleTerms
 
 
 class PoseQuestion(NamedTuple):
@@ -342,7 +342,7 @@ def set_work(flat: Flat, question: SetQuestion) -> tuple[Layout[Any], ...]:
     line = {"line": (2, 3), "slope": (2, n, 3), "gradient": (n,), "form": (n, n), "unit": (2, 3)}
     line |= {"unit_slope": (2, n, 3), "unit_bound": (2, 2), "across": (4, 3), "arcs": (many, 5)}
     terms = {"value": (16, 3), "slope": (16, n)}
-    return *_taylor(flat, many), Layout(LineWork, line), Layout(Terms, terms)
+    return *_taylor(flat, many), Layout(LineWork, line), Layout(AngleTerms, terms)
 
 
 def pose_work(flat: Flat, question: PoseQuestion, deepest: int) -> tuple[Layout[Any], ...]:
