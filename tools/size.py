@@ -39,6 +39,18 @@ def counted(texts: Iterable[str]) -> dict[str, int]:
     return out
 
 
+def shared_constants(sources: Path) -> int:
+    """Names of constants that files of more than one package define."""
+    packages: dict[str, set[str]] = {}
+    for path in sources.rglob("*.py"):
+        for node in ast.parse(path.read_text("utf-8")).body:
+            if isinstance(node, ast.Assign | ast.AnnAssign):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                for name in (n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name) and n.id.isupper()):
+                    packages.setdefault(name, set()).add(path.relative_to(sources).parts[0])
+    return sum(len(some) > 1 for some in packages.values())
+
+
 def megabytes(package: str) -> float:
     """[MB] of what a package needs to run, as it is installed here, without bytecode and without itself."""
     sizes: dict[str, int] = {}
@@ -60,5 +72,6 @@ if __name__ == "__main__":
 
     shown: dict[str, object] = dict(counted(p.read_text("utf-8") for p in SOURCES.rglob("*.py")))
     shown |= {"public names": len(handfast.__all__), "packages at run time [MB]": round(megabytes("handfast"))}
+    shown["names of constants in more than one package"] = shared_constants(SOURCES)
     for what, count in shown.items():
-        print(f"{what:40} {count}")
+        print(f"{what:45} {count}")
