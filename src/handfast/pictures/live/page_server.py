@@ -21,7 +21,7 @@ from handfast.pictures.live.same_origin import Doorkeeper
 from handfast.pictures.live.shown_state import CURVE, FORCE, GREY, Shown, ShownMap, SlipMotion
 from handfast.pictures.live.view_state import ARROW, MAP_PLANES, NOTHING, Stage, ViewState
 
-STEEL, BONE, CONE, OBJECT_OPACITY, HAND_OPACITY = (158, 171, 186), (194, 200, 207), (44, 125, 79), 0.55, 1.0
+STEEL, BONE, CONE, OBJECT_OPACITY = (158, 171, 186), (194, 200, 207), (44, 125, 79), 0.55
 MOST_FRICTION, MOST_TILT, MOST_PRELOAD = 2.0, 15.0, 3.0  # ends of sliders: coefficient, degrees, times the file's
 LOCKED_REACH = {"N·m": 0.5, "N": 20.0}  # end of the slider of an actuator in a grasp without commands
 HELP = """**Turn** the load with the rings, **shift** where it acts with the arrows of the handle.
