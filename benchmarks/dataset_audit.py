@@ -55,7 +55,7 @@ from handfast.measures.conic_program import smallest_forces
 from handfast.measures.measuring import measure_columns
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.body import Body
-from handfast.model.grasp import LARGEST, Contact, Grasp
+from handfast.model.grasp import MAX_GRASP_SIZE, Contact, Grasp
 from handfast.model.hand import Hand
 from handfast.model.servo import servo_commands
 from handfast.readers.load_body import load_body
@@ -178,7 +178,7 @@ class BundledSet:
             self.made[hand, thing] = runner(hand, thing), SceneSource.of(hand, thing)
         run, scene = self.made[hand, thing]
         number, draw, *_ = [*map(int, row["name"].split()[1:]), 0]
-        all_draws = postures_of(run, thing, number, draw + 1, LARGEST)
+        all_draws = postures_of(run, thing, number, draw + 1, MAX_GRASP_SIZE)
         if not all_draws:
             raise InputError("is not made again from its seed", source=row["name"])
         found = all_draws[draw]

@@ -33,7 +33,7 @@ import numpy as np
 from benchmarks.grasps import cases, random_case
 from benchmarks.machine import describe
 from handfast.core.transforms import matrix_quaternion
-from handfast.datasets.labels.label_columns import COLUMNS
+from handfast.datasets.labels.label_columns import LABEL_COLUMNS
 from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.label_files import load_labels
 from handfast.datasets.labels.labeller import Labelling, label
@@ -43,7 +43,7 @@ from handfast.readers.grasp_file import file_dict, from_dict
 from handfast.readers.load_hand import load_hand
 
 RESULTS = Path(__file__).parent / "results" / "label.json"
-COURSE = {c.name for c in COLUMNS if c.course}
+COURSE = {c.name for c in LABEL_COLUMNS if c.course}
 LITTLE = ("--directions", "2", "--part", "4")
 PORT = 18_786
 

@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.grasps import presses, random_case
 from benchmarks.machine import describe
 from handfast.core.arrays import Array
-from handfast.measures.catalogue import CATALOGUE, GAP, KEYS, PASSIVE, Measure, passive_maxima
+from handfast.measures.catalogue import CATALOGUE, MEASURE_GAP, MEASURE_KEYS, PASSIVE, Measure, passive_maxima
 from handfast.measures.measuring import measure_columns
 from handfast.measures.wrench_space import MOST_SUMS
 from handfast.model.grasp import Grasp
@@ -69,7 +69,9 @@ def worst_of(grasp: Grasp) -> list[float | None]:
     """Bounds of the worst passive maximum, with more nodes if few do not decide it."""
     worst: list[float | None] = []
     for nodes in NODES:
-        worst = [short(x) for x in passive_maxima(grasp, settings=Settings(nodes=nodes, gap=GAP, verify=False)).worst]
+        worst = [
+            short(x) for x in passive_maxima(grasp, settings=Settings(nodes=nodes, gap=MEASURE_GAP, verify=False)).worst
+        ]
         if decided(worst):
             break
     return worst
@@ -79,7 +81,7 @@ def measured(k: int, first: int) -> dict[str, Any]:
     """The classical measures of the k-th grasp, and the seconds that they take together."""
     grasp = grasp_of(k, first)
     start = time.perf_counter()
-    values = measure_columns(grasp, only=[key for key in KEYS if key not in (PASSIVE, "volume_linf")])
+    values = measure_columns(grasp, only=[key for key in MEASURE_KEYS if key not in (PASSIVE, "volume_linf")])
     seconds = time.perf_counter() - start
     if (PYRAMID + 1) ** grasp.m <= MOST_SUMS:
         values |= measure_columns(grasp, only=["volume_linf"], edges=PYRAMID)

@@ -36,7 +36,7 @@ from handfast.core.errors import InputError
 from handfast.model.region import Bezier
 from handfast.synthesis.search.boxes import SearchPart
 from handfast.synthesis.search.prover import Disproof, Prover
-from handfast.synthesis.search.starts import BLOCK, Starts
+from handfast.synthesis.search.starts import START_BLOCK, Starts
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_problem import TaskProblem
 
@@ -118,7 +118,7 @@ def known(task: Task, near: Array) -> Array:
     rng = np.random.default_rng(SEED)
     around = [near, *(near + 10.0**-power * rng.standard_normal(near.shape) for power in (3, 2, 1))]
     found = starts.near(np.concatenate(around), KEPT) if len(near) else []
-    for _ in range(STARTS // BLOCK):
+    for _ in range(STARTS // START_BLOCK):
         found += [] if found else starts.run(KEPT)
     return np.array([c.x for c in found]).reshape(-1, starts.problem.n)
 

@@ -24,7 +24,7 @@ from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.simulate import force_unit
-from handfast.simulation.slow_motion import HARDER, STIFFNESS
+from handfast.simulation.slow_motion import DRAG_STIFFNESS, HARDER
 from handfast.stability.problem.model import commanded
 
 RESULTS = Path(__file__).parent / "results" / "settling_step.json"
@@ -53,9 +53,10 @@ def first_step(grasp: Grasp, wrench: Array) -> StepProblem:
     n = 6 + basis.shape[1]
     return StepProblem(
         drag=np.r_[np.ones(3), np.full(3, 0.4), np.ones(n - 6)], push=np.r_[load, torque],
-        normal=parting[:, 0], tangent=parting[:, 1:], depth=np.zeros(grasp.m), stiffness=STIFFNESS, friction=grasp.mu,
+        normal=parting[:, 0], tangent=parting[:, 1:], depth=np.zeros(grasp.m), stiffness=DRAG_STIFFNESS,
+        friction=grasp.mu,
         stops=np.hstack([np.zeros((len(stops), 6)), stops]), room=np.zeros(len(stops)),
-        stop_stiffness=HARDER * STIFFNESS,
+        stop_stiffness=HARDER * DRAG_STIFFNESS,
     )  # fmt: skip
 
 

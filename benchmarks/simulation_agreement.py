@@ -38,7 +38,7 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.simulation.result import Ending, SimulationResult
 from handfast.simulation.simulate import Loading, force_unit, simulate
-from handfast.simulation.twin import STIFFNESS
+from handfast.simulation.twin import TWIN_STIFFNESS
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.answers.max_query import with_interval
 from handfast.stability.problem.judge import residuals
@@ -116,7 +116,7 @@ def seen(grasp: Grasp, found: SimulationResult, share: float) -> dict[str, Any]:
 
 def state_of(grasp: Grasp, found: SimulationResult) -> State:
     """Where a simulation rests, as the state of the model that it would be."""
-    newtons = force_unit(grasp, found.wrench) * STIFFNESS / grasp.size  # [N/m] of every contact
+    newtons = force_unit(grasp, found.wrench) * TWIN_STIFFNESS / grasp.size  # [N/m] of every contact
     turn = found.turn[-1]
     shift = found.shift[-1] - np.cross(turn, grasp.positions.mean(axis=0))
     q = np.zeros(grasp.l)

@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.machine import describe
 from handfast.papers import mixed_integer_solvers
-from handfast.papers.stability_tables import DOWN, ETAS, LEVELS, resolution_cell
+from handfast.papers.stability_tables import DOWN, ETAS, SECTOR_LEVELS, resolution_cell
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
@@ -61,7 +61,7 @@ def table(rows: list[dict[str, Any]], solver: str) -> str:
             return ""
         return f"{row['seconds']:.2f}" if row["status"] == "finished" else str(row["status"])
 
-    for q in LEVELS:
+    for q in SECTOR_LEVELS:
         out = [str(4 * 2**q)]
         for eta in ETAS:
             found = {
@@ -89,7 +89,7 @@ def main() -> None:
     seen = {(r["solver"], r["sectors"], r["method"], r["eta"]) for r in rows}
     # as the paper does, stop at the first full resolution that is not finished: twice the sectors are no faster
     gave_up = {(r["solver"], "full", r["eta"]) for r in rows if r["method"] == "full" and r["status"] != "finished"}
-    for q in LEVELS:
+    for q in SECTOR_LEVELS:
         for eta in ETAS:
             for full in (True, False):
                 for solver in solvers:

@@ -32,12 +32,12 @@ from benchmarks.engine import BRIEF, REPEATS, Cost, load, proof, save, seconds, 
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
 from handfast.papers.stability_tables import (
-    GAP,
-    MOST,
     PRINTED_2,
-    SECTORS,
-    SEED,
-    TWELVE,
+    TABLE_DIRECTIONS,
+    TABLE_GAP,
+    TABLE_SECTORS,
+    TABLE_SEED,
+    TWELVE_OBJECTS,
     PrintedTimes,
     TaskQuestion,
     task_questions,
@@ -57,7 +57,7 @@ Numbers = tuple[float, float, float]  # mean, standard error, median [s]
 
 def questions() -> Iterator[TaskQuestion]:
     """All questions, round by round."""
-    for a_round in zip(*(task_questions(name) for name in TWELVE), strict=True):
+    for a_round in zip(*(task_questions(name) for name in TWELVE_OBJECTS), strict=True):
         yield from a_round
 
 
@@ -78,7 +78,7 @@ def record(answer: Answer, cost: Cost) -> Row:
 
 def ours(question: TaskQuestion, limit: float) -> Row:
     """The engine, and what the checker says to its certificate."""
-    settings = Settings(gap=GAP, timeout=limit)
+    settings = Settings(gap=TABLE_GAP, timeout=limit)
     answer, cost = timed(lambda: question.ask(settings))
     if cost.seconds < BRIEF:
         more = [cost, *(timed(lambda: question.ask(settings))[1] for _ in range(REPEATS - 1))]
@@ -127,16 +127,17 @@ def keep(data: dict[str, Any], question: TaskQuestion, method: str, found: Row) 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Every question that has no answer yet."""
     data = load(options.out) or {
-        "question": f"check, max and torques of Table II, gap {GAP:g}, {SECTORS} sectors, seed {SEED}",
+        "question": f"check, max and torques of Table II, gap {TABLE_GAP:g}, {TABLE_SECTORS} sectors, "
+        f"seed {TABLE_SEED}",
         "limit": options.limit,
         "machine": describe(),
         "rows": [],
     }
     if data["limit"] != options.limit:
         raise SystemExit(f"{options.out} has another time limit, {data['limit']:g} s; choose another --out")
-    for name in (TWELVE[0], TWELVE[-1]):  # compile whatever the engine compiles
+    for name in (TWELVE_OBJECTS[0], TWELVE_OBJECTS[-1]):  # compile whatever the engine compiles
         for question in task_questions(name)[:3]:
-            question.ask(Settings(gap=GAP, timeout=options.limit))
+            question.ask(Settings(gap=TABLE_GAP, timeout=options.limit))
     while some := pending(data, options.rounds):
         for question, method in some:
             found = answered(question, method, options.limit)
@@ -183,7 +184,7 @@ def cells(name: str, printed: PrintedTimes, task: str, data: dict[str, Any]) -> 
     done = [r for r in data["rows"] if r["grasp"] == name and r["task"] == task and all(m in r for m in METHODS)]
     both = [r for r in done if all(r[m]["verdict"] for m in METHODS)]
     single, limit = task == "check", data["limit"]
-    count = f"{len(both)} of {1 if single else MOST}"
+    count = f"{len(both)} of {1 if single else TABLE_DIRECTIONS}"
     out = [name, str(printed.contacts), printed.letter, *getattr(printed, task)]
     if not both:
         return [*out, *[""] * (5 if single else 7), count]
@@ -219,7 +220,7 @@ def table(task: str, data: dict[str, Any]) -> list[str]:
     else:
         head += ["paper, mean [s]", "median", "Algorithm 1, mean [s]", "median", "time-outs"]
         head += ["Handfast, mean [ms]", "median", "ratio of medians", "processor", "done"]
-    rows = [cells(name, printed, task, data) for name, printed in zip(TWELVE, PRINTED_2, strict=True)]
+    rows = [cells(name, printed, task, data) for name, printed in zip(TWELVE_OBJECTS, PRINTED_2, strict=True)]
     lines = [head, ["---", "---:", "---", *["---:"] * (len(head) - 3)], *rows]
     return [f"| {' | '.join(r)} |" for r in lines]
 
@@ -260,7 +261,7 @@ def summary(data: dict[str, Any]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=float, default=60.0, help="[s] per question and method")
-    parser.add_argument("--rounds", type=int, default=MOST, help="directions and wrenches, at most ten")
+    parser.add_argument("--rounds", type=int, default=TABLE_DIRECTIONS, help="directions and wrenches, at most ten")
     parser.add_argument("--out", type=Path, default=RESULTS, help="JSON file of the results")
     parser.add_argument("--print", action="store_true", help="print the tables of what is there")
     options = parser.parse_args()

@@ -130,7 +130,7 @@ class Tree:
         ids, y = self.pool.ids[leaf], self.pool.data[leaf]
         out: Clause = {}
         for name in ids[y > SMALL * y.max()].tolist():
-            kind, index = name >> rows.KIND, (name >> rows.INDEX) & 255
+            kind, index = name >> rows.KIND_SHIFT, (name >> rows.INDEX) & 255
             if kind in EVERYWHERE or kind in (rows.ENERGY, rows.BOX_UP, rows.BOX_DOWN):
                 continue
             if rows.PLAIN_UP <= kind <= rows.PLAIN_DOWN:
@@ -193,7 +193,7 @@ def within(state: Need, need: Need) -> bool:
     if len(need) == 1 or state[0] != need[0]:
         return state == need
     wide, inner = need[2] - need[1], state[2] - state[1]
-    return wide == 0 or (inner > 0 and (state[1] - need[1]) % rows.TURN + inner <= wide)
+    return wide == 0 or (inner > 0 and (state[1] - need[1]) % rows.TURN_DIRECTIONS + inner <= wide)
 
 
 # --- cone programs ------------------------------------------------------------------------------
@@ -247,7 +247,9 @@ class ConeProgram:
             for x in dt:
                 self.is_equal((1.0, x))
         if right > left:
-            (xa, ya), (xb, yb) = ((np.cos(t), np.sin(t)) for t in np.array([left, right]) * 2 * np.pi / rows.TURN)
+            (xa, ya), (xb, yb) = (
+                (np.cos(t), np.sin(t)) for t in np.array([left, right]) * 2 * np.pi / rows.TURN_DIRECTIONS
+            )
             for sign, (one, two) in ((1.0, ct), (-1.0, dt)):
                 self.at_least((-sign * ya, one), (sign * xa, two))
                 self.at_least((sign * yb, one), (-sign * xb, two))

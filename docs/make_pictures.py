@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from handfast import Settings, check, force_map, load_grasp, sweep
-from handfast.papers.stability_figures import COMMANDS, FORCE_Z, HELD, MOMENT_X, UNHELD, placed
+from handfast.papers.stability_figures import FIGURE_COMMANDS, FORCE_Z, HELD_WRENCH, MOMENT_X, UNHELD, placed
 from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.map_picture import draw_map, draw_sweep
@@ -41,7 +41,7 @@ def scene(name: str, witness: Witness | None = None, count: int = 3) -> Any:
 
 def holding(settings: Settings, count: int = 3) -> Any:
     """Fig. 1 under 2.2 N along +y, with the forces that hold it."""
-    return scene("fig1", check(load_grasp("fig1"), HELD, settings=settings).witness, count)
+    return scene("fig1", check(load_grasp("fig1"), HELD_WRENCH, settings=settings).witness, count)
 
 
 def unreal(settings: Settings) -> Any:
@@ -79,7 +79,9 @@ def main() -> None:
 
     def preloads() -> Any:
         directions = [FORCE_Z, MOMENT_X]
-        answer = sweep(load_grasp("fig11"), "finger_3_prox", np.linspace(0, 0.1, COMMANDS), directions, settings=quick)
+        answer = sweep(
+            load_grasp("fig11"), "finger_3_prox", np.linspace(0, 0.1, FIGURE_COMMANDS), directions, settings=quick
+        )
         keep("fig11-sweep", answer.to_json())
         return draw_sweep(answer)
 

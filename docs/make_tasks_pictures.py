@@ -17,7 +17,7 @@ from PIL import Image
 
 from handfast.core import bundled
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.pictures.depth_buffer import DENSE
+from handfast.pictures.depth_buffer import PIXELS_PER_INCH
 from handfast.pictures.drawing import picture
 from handfast.pictures.task_picture import draw_task
 from handfast.synthesis.task import Task
@@ -61,7 +61,7 @@ def small(png: bytes) -> bytes:
 def main() -> None:
     for name in sys.argv[1:] or bundled.names("tasks"):
         task = load_task(name)
-        data = small(picture(draw_task(task, stored(task)), dpi=DENSE))
+        data = small(picture(draw_task(task, stored(task)), dpi=PIXELS_PER_INCH))
         (IMAGES / f"task-{name}.png").write_bytes(data)
         print(f"task-{name}.png  {len(data)} bytes", flush=True)
 

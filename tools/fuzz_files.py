@@ -423,7 +423,7 @@ def outcome(kind: str, path: Path) -> tuple[str, str]:
 def claim(path: Path) -> Any:
     """What a result file claims: the question without labels, and what is said to be proved."""
     data = json.loads(path.read_text("utf-8"))
-    said = {key: value for key, value in data["answer"].items() if key not in saved_answers.COURSE}
+    said = {key: value for key, value in data["answer"].items() if key not in saved_answers.COURSE_KEYS}
     question = data["question"]
     question["grasp"] = to_dict(from_dict(question["grasp"])) | {"name": ""}
     for contact in question["grasp"]["contacts"]:
@@ -477,7 +477,7 @@ def sample_and_file(seed: int, index: int, files: dict[str, list[Path]], folder:
 
 def work(channel: Any, seed: int, indices: range, files: dict[str, list[Path]], folder: Path) -> None:
     """Send (index, kind, outcome, more) of each file."""
-    mesh_pieces.SECONDS = 10
+    mesh_pieces.COACD_SECONDS = 10
     for mesh in files.get("mesh", []):
         (folder / mesh.name).write_bytes(mesh.read_bytes())  # what other files name
     for file in bundled.folder("objects").iterdir():

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from handfast.core.errors import InputError
-from handfast.core.files import ANSWER, KINDS, read_json
+from handfast.core.files import ANSWER, SCHEMA_KINDS, read_json
 from handfast.proofs import files
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 
-PLAN, GRASPS = files.PLAN, "grasps.json"
-TABLES = ".jsonl", ".parquet"  # how names of tables of labels end
+PLAN_FILE, GRASPS_FILE = files.PLAN_FILE, "grasps.json"
+LABEL_TABLE_ENDINGS = ".jsonl", ".parquet"  # how names of tables of labels end
 How = dict[str, Any]  # arguments of `Asking`
 SEALED = "handfast/synthesis/1", "handfast/grasps/1"  # schemas of files with a checksum
 
@@ -67,7 +67,7 @@ def verify(
             raise InputError(f"is of type {type(what).__name__}; a file, a folder or an answer is needed", field="what")
         return asks(what.to_json(), how) if asks else what.verify()  # type: ignore[union-attr]
     path = Path(what)
-    if path.suffix.lower() in TABLES:
+    if path.suffix.lower() in LABEL_TABLE_ENDINGS:
         try:
             return _labels(path, replay, dataset, rows, how)
         except InputError as fault:
@@ -81,7 +81,7 @@ def verify(
 def _of_path(path: Path, replay: bool, how: How) -> Replay:
     """What a file or a folder claims; faults name the file, or the folder of the plan, in which they are."""
     try:
-        if _is_folder(path) and not (path / PLAN).exists():
+        if _is_folder(path) and not (path / PLAN_FILE).exists():
             parts = ((file, _of_path(file, replay, how)) for file in answers_in(path))
             return Replay("folder", parts=tuple(replace(part, name=_below(path, file)) for file, part in parts))
         return _of_one(path, replay, how)
@@ -110,8 +110,8 @@ def _of_one(path: Path, replay: bool, how: How) -> Replay:
     try:
         proved = files.verify(data)
     except BadFile as fault:
-        if fault.field == "schema" and isinstance(schema, str) and KINDS.get(schema, ANSWER) != ANSWER:
-            raise BadFile(f"{fault.problem}; this is {KINDS[schema]}, which claims nothing", "schema") from None
+        if fault.field == "schema" and isinstance(schema, str) and SCHEMA_KINDS.get(schema, ANSWER) != ANSWER:
+            raise BadFile(f"{fault.problem}; this is {SCHEMA_KINDS[schema]}, which claims nothing", "schema") from None
         raise
     geometry = _measured(data)
     return replace(proved, parts=(*proved.parts, geometry)) if geometry else proved
@@ -124,8 +124,12 @@ def answers_in(folder: Path) -> list[Path]:
     Raises:
         InputError: there is nothing.
     """
-    found = [file for file in (folder / GRASPS, *sorted(folder.glob("*.hold.json"))) if file.exists()]
-    below = [file.parent if file.name == PLAN else file for name in (PLAN, GRASPS) for file in folder.glob(f"*/{name}")]
+    found = [file for file in (folder / GRASPS_FILE, *sorted(folder.glob("*.hold.json"))) if file.exists()]
+    below = [
+        file.parent if file.name == PLAN_FILE else file
+        for name in (PLAN_FILE, GRASPS_FILE)
+        for file in folder.glob(f"*/{name}")
+    ]
     if not (found or below):
         raise InputError("holds nothing to verify; a folder that plan, grasp or hold --save filled is needed")
     return [*found, *sorted(below)]
@@ -161,7 +165,7 @@ def _measured(data: Any) -> Replay | None:
 def _asks_again(data: Any) -> Callable[[Any, How], Replay] | None:
     """What asks again what a parsed file says; None if it is none that keeps no proofs and says its question."""
     schema, query = (data.get("schema"), data.get("query")) if isinstance(data, dict) else (None, None)
-    if schema == files.SETTLED:
+    if schema == files.SETTLED_SCHEMA:
         return _settled
     if schema == "handfast/answer/1" and query in ("map", "sweep"):
         return _map_or_sweep
@@ -188,7 +192,7 @@ def _labels(path: Path, replay: bool, dataset: str | Path | None, rows: Collecti
     from handfast.stability.studies.ask_again import Asking
 
     if not replay:
-        ask = f"{files.AGAIN} --dataset DATASET"
+        ask = f"{files.REPLAY_COMMAND} --dataset DATASET"
         raise InputError(f"is a table of labels, which keeps no proofs; ask again: {ask}")
     return replay_labels(path, dataset, Asking(**how), rows)
 
@@ -202,10 +206,10 @@ def stated(path: str | Path) -> Any:
         InputError: it cannot be read.
     """
     path = Path(path)
-    if path.suffix.lower() in TABLES:
+    if path.suffix.lower() in LABEL_TABLE_ENDINGS:
         from handfast.datasets.labels.verify_labels import about_labels
 
         return about_labels(path)
-    if _is_folder(path) and not (path / PLAN).exists():
+    if _is_folder(path) and not (path / PLAN_FILE).exists():
         return {"answers": {_below(path, file): stated(file) for file in answers_in(path)}}
-    return read_json(path / PLAN if _is_folder(path) else path, "result")
+    return read_json(path / PLAN_FILE if _is_folder(path) else path, "result")

@@ -28,8 +28,10 @@ def stored(table2: ModuleType) -> dict[str, Any]:
 
 
 def test_ours_match_the_papers_contacts(table2: ModuleType) -> None:
-    assert {f"barrett-{n}" for n in table2.TWELVE} == {n for n in bundled.names("grasps") if n.startswith("barrett-")}
-    for name, printed in zip(table2.TWELVE, table2.PRINTED_2, strict=True):
+    assert {f"barrett-{n}" for n in table2.TWELVE_OBJECTS} == {
+        n for n in bundled.names("grasps") if n.startswith("barrett-")
+    }
+    for name, printed in zip(table2.TWELVE_OBJECTS, table2.PRINTED_2, strict=True):
         questions = table2.task_questions(name)
         assert questions[0].grasp.m == printed.contacts
         assert [(q.task, q.k) for q in questions[:3]] == [("check", 0), ("max", 1), ("torques", 1)]
@@ -58,7 +60,7 @@ def test_the_stored_answers_are_the_engines(table2: ModuleType, stored: dict[str
     for q in asked:
         row = rows[q.task, q.k]
         assert row["fingerprint"] == q.fingerprint, "the grasp was changed since; run benchmarks/table2.py"
-        before, now = row["handfast"], table2.record(q.ask(Settings(gap=table2.GAP)), table2.Cost(0.0, 0.0))
+        before, now = row["handfast"], table2.record(q.ask(Settings(gap=table2.TABLE_GAP)), table2.Cost(0.0, 0.0))
         for answer in (before, now):
             assert (answer["verdict"], answer["stop"]) == ("holds", "complete")
         if q.task == "check":
@@ -81,7 +83,7 @@ def test_each_table_has_a_row_for_each_of_the_twelve(table2: ModuleType, task: s
     for lines in (empty, some):
         assert len(lines) == 2 + 12
         assert len({line.count("|") for line in lines}) == 1
-        assert [line.split(" | ")[0].strip("| ") for line in lines[2:]] == list(table2.TWELVE)
+        assert [line.split(" | ")[0].strip("| ") for line in lines[2:]] == list(table2.TWELVE_OBJECTS)
     assert "0 of" in empty[2]
     assert "≥ 60" in some[2]
     assert "≥ 6,000" in some[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from handfast.cli.app import COMMANDS
+from handfast.cli.app import COMMAND_CLASSES
 from tests.support.program import complains, planar, run
 
 Grasp = dict  # a parsed grasp file
@@ -47,7 +47,7 @@ WRONG = {
     "missing file": (["check", "no.json", "--wrench", "0", "1", "0"], ["no.json", "no such file"]),
     "unknown command": (
         ["chekc", "g"],
-        ["chekc", f"known: {', '.join(COMMANDS)}", "did you mean 'check'?"],
+        ["chekc", f"known: {', '.join(COMMAND_CLASSES)}", "did you mean 'check'?"],
     ),
     "nearly a name": (["check", "fig12", "--wrench", "0", "1", "0"], ["bundled grasp", "did you mean 'fig1'?"]),
     "nearly a task": (["synthesize", "guitar-tunig"], ["bundled task", "did you mean 'guitar-tuning'?"]),

@@ -14,11 +14,11 @@ from handfast import load_body, load_configuration, load_grasp, load_hand, load_
 from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.core.files import parse_json
-from handfast.core.transforms import FARTHEST, transform
-from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
+from handfast.core.transforms import MAX_COORDINATE, transform
+from handfast.model.grasp import MAX_GRASP_SIZE, Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import SMALLEST, Shape
-from handfast.proofs.strict_json import DEPTH, DIGITS
+from handfast.model.shape import MIN_SOLID_SIZE, Shape
+from handfast.proofs.strict_json import MAX_INTEGER_DIGITS, MAX_JSON_DEPTH
 from handfast.readers.grasp_file import from_dict
 from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify
@@ -71,15 +71,15 @@ def test_what_no_json_file_may_hold(tmp_path: Path, kind: str, text: str, fault:
 
 
 def test_what_json_files_may_just_hold() -> None:
-    assert parse_json("[" * DEPTH + "]" * DEPTH)
-    assert parse_json("9" * DIGITS) == 10**DIGITS - 1
+    assert parse_json("[" * MAX_JSON_DEPTH + "]" * MAX_JSON_DEPTH)
+    assert parse_json("9" * MAX_INTEGER_DIGITS) == 10**MAX_INTEGER_DIGITS - 1
     assert parse_json('"\\ud83d\\ude00"') == "\U0001f600"
     with pytest.raises(InputError, match="nested too deeply"):
-        parse_json("[" * (DEPTH + 1) + "]" * (DEPTH + 1))
+        parse_json("[" * (MAX_JSON_DEPTH + 1) + "]" * (MAX_JSON_DEPTH + 1))
     with pytest.raises(InputError, match="nested too deeply"):
-        parse_json('{"a": [1, ' + "[" * (DEPTH - 1) + "]" * (DEPTH - 1) + "]}")
-    with pytest.raises(InputError, match=f"a number of {DIGITS + 1} digits"):
-        parse_json("9" * (DIGITS + 1))
+        parse_json('{"a": [1, ' + "[" * (MAX_JSON_DEPTH - 1) + "]" * (MAX_JSON_DEPTH - 1) + "]}")
+    with pytest.raises(InputError, match=f"a number of {MAX_INTEGER_DIGITS + 1} digits"):
+        parse_json("9" * (MAX_INTEGER_DIGITS + 1))
 
 
 def test_a_path_that_no_file_can_have() -> None:
@@ -156,9 +156,9 @@ CONTACT = {"position": [0, 0, 1], "normal": [0, 0, -1], "friction": 0.5}
 
 
 def test_ten_thousand_contacts_are_refused_with_the_limit() -> None:
-    with pytest.raises(InputError, match=f"^contacts: has 10000 entries; at most {LARGEST} are possible$"):
+    with pytest.raises(InputError, match=f"^contacts: has 10000 entries; at most {MAX_GRASP_SIZE} are possible$"):
         from_dict({"schema": "handfast/grasp/1", "contacts": 10_000 * [CONTACT]})
-    many = LARGEST // 3 + 1
+    many = MAX_GRASP_SIZE // 3 + 1
     with pytest.raises(InputError, match=f"has {many} contacts, 0 joints and 0 actuators, too many to search.* 249 at"):
         from_dict({"schema": "handfast/grasp/1", "contacts": many * [CONTACT]})
 
@@ -177,7 +177,7 @@ def of_size(m: int, l: int, a: int) -> Grasp:
 @pytest.mark.parametrize("sizes", [(83, 0, 0), (1, 82, 82), (1, 246, 0), (1, 2, 122), (40, 43, 43)])
 def test_the_largest_grasp_is_one_that_the_search_can_name_by_a_byte(sizes: tuple[int, int, int]) -> None:
     """Of unknowns and of bounded values, with every limit there is."""
-    grasp, byte = of_size(*sizes), 1 << (rows.KIND - rows.INDEX)
+    grasp, byte = of_size(*sizes), 1 << (rows.KIND_SHIFT - rows.INDEX)
     assert byte == 256
     limits = GraspLimits(0.0, dict.fromkeys(grasp.mechanism.actuators, 1.0), 10.0)
     for goal in GOALS:
@@ -271,7 +271,7 @@ def test_a_scale_that_leaves_nothing(tmp_path: Path) -> None:
         load_body(path, scale=1e200)
 
 
-@pytest.mark.parametrize("size", [SMALLEST / 2, 1e-200, 2 * FARTHEST, 1e200])
+@pytest.mark.parametrize("size", [MIN_SOLID_SIZE / 2, 1e-200, 2 * MAX_COORDINATE, 1e200])
 def test_solids_of_no_size(size: float) -> None:
     with pytest.raises(InputError, match=r"sphere\.size: is .*; sizes are 1e-09 to 1e"):
         Shape("sphere", size)
@@ -280,7 +280,7 @@ def test_solids_of_no_size(size: float) -> None:
 
 
 def test_solids_of_nowhere() -> None:
-    assert Shape("sphere", 1.0, transform((FARTHEST, 0, 0)))
+    assert Shape("sphere", 1.0, transform((MAX_COORDINATE, 0, 0)))
     with pytest.raises(InputError, match="more than 1e"):
         Shape("sphere", 1.0, transform((0, -1e7, 0)))
     with pytest.raises(InputError, match="is not a rigid motion"):

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.grasps import random_case
 from handfast.cli import console
-from handfast.cli.app import COMMANDS, command, option_name
+from handfast.cli.app import COMMAND_CLASSES, command, option_name
 from handfast.readers.grasp_file import save_grasp
 from tests.support.interruptions import interrupted_program
 from tests.support.program import ask, run
@@ -26,7 +26,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(text for kind in ("grasps", "hands", "objects") for text in listed[kind].values())
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", COMMAND_CLASSES)
 def test_help_shows_every_option(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, name, "--help")
     assert (status, err) == (0, "")
@@ -54,7 +54,7 @@ class Terminal(io.StringIO):
 
 
 def test_progress_is_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "PATIENCE", 0.0)
+    monkeypatch.setattr(console, "PROGRESS_DELAY", 0.0)
     for stream in (Terminal(), io.StringIO()):
         monkeypatch.setattr(sys, "stderr", stream)
         with console.watch("map") as watch:
@@ -85,7 +85,7 @@ def test_ctrl_c_leaves_the_directions_of_a_map_that_were_asked(grasp: str) -> No
     assert set(without[asked:]) == set(with_preload) == {None}
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", COMMAND_CLASSES)
 def test_help_shows_no_default_that_is_none(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(2):  # the second time finds what the first has changed
         status, out, _ = run(capsys, name, "--help")

@@ -128,7 +128,7 @@ def test_undecided_saved_and_resumed(task: str, capsys: pytest.CaptureFixture[st
 def test_fewer_than_asked_for_is_undecided(
     task: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("handfast.synthesis.distance.APART", 0.5)
+    monkeypatch.setattr("handfast.synthesis.distance.DISTINCT_DISTANCE", 0.5)
     status, out, _ = run(capsys, "synthesize", task, "--count", "50", "--timeout", "inf")
     assert status == 3
     assert re.search(r"FOUND  \d+ configurations of 50, proved to exist", out)
@@ -226,7 +226,7 @@ def test_progress_goes_to_a_terminal_only(
 
     save_task(pinch(LARGE), task, force=True)
     screen = Terminal()
-    monkeypatch.setattr(console, "PATIENCE", 0.0)
+    monkeypatch.setattr(console, "PROGRESS_DELAY", 0.0)
     monkeypatch.setattr(sys, "stderr", screen)
     assert main(["synthesize", task, *LIMITED]) == 3
     assert "boxes" in screen.getvalue()

@@ -73,7 +73,7 @@ def test_a_folder_that_cannot_be_made_is_no_fault(tmp_path: Path, monkeypatch: p
 def test_the_oldest_go(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import os
 
-    monkeypatch.setattr(kept, "MOST", 2)
+    monkeypatch.setattr(kept, "MAX_KEPT_FILES", 2)
     folder.mkdir(parents=True)
     (folder / "z.123").touch()  # of a program that was ended
     os.utime(folder / "z.123", (0, 0))

@@ -88,7 +88,7 @@ def test_a_program_lets_imports_end(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         """A timer whose time is over when the test says so."""
 
         def __init__(self, seconds: float, function: Callable[[], None]) -> None:
-            assert seconds == libraries.SOON
+            assert seconds == libraries.IMPORT_WAIT
             self.function = function
 
         def start(self) -> None:

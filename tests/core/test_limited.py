@@ -15,7 +15,7 @@ import pytest
 
 from handfast.core import limited as module
 from handfast.core.errors import InputError
-from handfast.core.limited import LATE, limited, within
+from handfast.core.limited import TIMEOUT_REASON, limited, within
 from tests.support.interruptions import python
 
 LOG = logging.getLogger("handfast")
@@ -92,14 +92,14 @@ def test_memory_ends(new: bool, by: int) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="it has no limit of processor time")
 @pytest.mark.parametrize("new", KINDS)
 def test_processor_time_ends(new: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "PATIENCE", 200)  # however little of the processor it gets
+    monkeypatch.setattr(module, "CLOCK_FACTOR", 200)  # however little of the processor it gets
     with pytest.raises(InputError, match=r"^takes more than 1 s of processor time$"):
         limited(spins, seconds=1, new=new)
 
 
 @pytest.mark.parametrize("new", KINDS)
 def test_waiting_ends(new: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "PATIENCE", 1)
+    monkeypatch.setattr(module, "CLOCK_FACTOR", 1)
     with pytest.raises(InputError, match=r"^is not done after 1 s$"):
         limited(time.sleep, 3600, seconds=1, new=new)
 
@@ -107,7 +107,7 @@ def test_waiting_ends(new: bool, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("new", KINDS)
 def test_time_given_for_all_ends(new: bool) -> None:
     """The nearer end counts, and it counts no more outside."""
-    with within(3600), within(0.2), within(3600), pytest.raises(InputError, match=f"^{LATE}$"):
+    with within(3600), within(0.2), within(3600), pytest.raises(InputError, match=f"^{TIMEOUT_REASON}$"):
         limited(time.sleep, 3600, seconds=3600, new=new)
     assert limited(len, "abc", new=new) == 3
 

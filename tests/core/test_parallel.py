@@ -223,7 +223,7 @@ def test_dask_does_the_same() -> None:
 
 def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("handfast.core.parallel.PATIENCE", 0.5)
+    monkeypatch.setattr("handfast.core.parallel.SCHEDULER_TIMEOUT", 0.5)
     with pytest.raises(InputError, match=r"tcp://127.0.0.1:1: no Dask scheduler answers \("):
         DaskWorkers(None, "tcp://127.0.0.1:1")
 

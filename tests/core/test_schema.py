@@ -13,7 +13,7 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.core.schema import LEFT_OUT, OPEN, InFiles, NullFor, Numbers, Vector3, written
+from handfast.core.schema import LEFT_OUT, OPEN_FIELD, InFiles, NullFor, Numbers, Vector3, written
 
 
 class Kind(StrEnum):
@@ -92,7 +92,7 @@ def test_what_is_missing_is_named() -> None:
 @dataclass(frozen=True)
 class Range(InFiles):
     ends: tuple[Annotated[float, NullFor(-math.inf)], Annotated[float, NullFor(math.inf)]] = field(
-        default=(-math.inf, math.inf), metadata=OPEN
+        default=(-math.inf, math.inf), metadata=OPEN_FIELD
     )
 
 

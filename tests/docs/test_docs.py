@@ -30,19 +30,19 @@ import pytest
 import handfast
 from handfast import Loads, hold, maximum
 from handfast.cli import main
-from handfast.cli.app import ALIASES, COMMANDS, command, option_name
+from handfast.cli.app import ALIASES, COMMAND_CLASSES, command, option_name
 from handfast.core.files import Strict
 from handfast.core.schema import InFiles
 from handfast.datasets.published.mapping_file import read_mapping
 from handfast.model.configuration import Configuration
 from handfast.proofs import configurations
-from handfast.proofs.certificate import NODES, ROWS, file_to_dict
+from handfast.proofs.certificate import NODE_ARRAYS, ROW_ARRAYS, file_to_dict
 from handfast.proofs.states import State
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import GraspFile, load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.readers.region_file import KINDS, load_hand_regions
+from handfast.readers.region_file import REGION_KINDS, load_hand_regions
 from handfast.stability.problem.loads import load_loads
 from handfast.synthesis.synthesis_file import SynthesisAnswerEntry, SynthesisFile, SynthesisStateEntry
 from handfast.synthesis.task_file import TaskFile, load_task
@@ -222,7 +222,7 @@ def section(text: str, heading: str) -> str:
     return found[1]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", COMMAND_CLASSES)
 def test_every_option_is_described(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     page = (DOCS / "command-line.md").read_text("utf-8")
     described = section(page, name)
@@ -303,7 +303,7 @@ def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
     text = section(page, "Certificate: `handfast/certificate/1`")
     assert fields_in_tables(text) == set(certificate) | {"question.goal"}
     assert all(f"`{name}`" in text for name in certificate["question"])
-    assert all(re.search(rf"^\| [^|]*\b{name}\b", text, re.MULTILINE) for name in (*NODES, *ROWS))
+    assert all(re.search(rf"^\| [^|]*\b{name}\b", text, re.MULTILINE) for name in (*NODE_ARRAYS, *ROW_ARRAYS))
 
 
 def test_every_field_of_a_hold_is_in_its_table() -> None:
@@ -321,10 +321,10 @@ def fields_in_tables(text: str) -> set[str]:
 def test_every_field_of_a_task_is_in_its_table() -> None:
     written = fields_in_tables(section((DOCS / "file-formats.md").read_text("utf-8"), "Task: `handfast/task/1`"))
     kinds = {name for name in written if name.startswith("{")}
-    assert sorted(re.findall(r"^\{\"(\w+)", "\n".join(sorted(kinds)), re.MULTILINE)) == sorted(KINDS)
+    assert sorted(re.findall(r"^\{\"(\w+)", "\n".join(sorted(kinds)), re.MULTILINE)) == sorted(REGION_KINDS)
     sides = [f"contacts[].{side}.region." for side in ("hand", "object")]
-    regions = {side + name for side in sides for name in (*KINDS, "flip")}
-    entries = tuple(f"{side}{name}." for side in sides for name in KINDS)
+    regions = {side + name for side in sides for name in (*REGION_KINDS, "flip")}
+    entries = tuple(f"{side}{name}." for side in sides for name in REGION_KINDS)
     known = {key for key in keys_of(TaskFile) - regions if not key.startswith(entries)}
     assert written - kinds == known
 

@@ -112,7 +112,7 @@ def test_what_does_not_exist_is_found() -> None:
     assert not exists("no_such_file.py")
     assert exists("stability/*.py")
     assert exists("tests/{docs,cli}")
-    assert resolves("handfast.cli.app.COMMANDS")
+    assert resolves("handfast.cli.app.COMMAND_CLASSES")
     assert resolves("core.errors.InputError.at")
     assert not resolves("handfast.cli.app.NOTHING")
     assert not resolves("stability.nothing")

@@ -15,7 +15,7 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, Link
-from handfast.model.shape import SIZES, Shape
+from handfast.model.shape import SIZE_COUNTS, Shape
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from tests.support.contact_cases import (
@@ -184,7 +184,7 @@ def random_shape(rng: np.random.Generator, kind: str) -> Shape:
     pose = transform(rng.normal(size=3) * 0.05, quaternion_matrix(rng.normal(size=4)))
     if kind == "mesh":
         return Shape.hull(rng.normal(size=(int(rng.integers(6, 40)), 3)) * s, pose)
-    return Shape(kind, s[: SIZES[kind]], pose)  # type: ignore[arg-type]
+    return Shape(kind, s[: SIZE_COUNTS[kind]], pose)  # type: ignore[arg-type]
 
 
 def extent(shape: Shape, n: np.ndarray) -> float:
@@ -203,7 +203,7 @@ def test_distances_carry_their_own_proof() -> None:
     rng = np.random.default_rng(0)
     apart = 0
     for _ in range(250):
-        a, b = (random_shape(rng, kind) for kind in rng.choice(list(SIZES), 2))
+        a, b = (random_shape(rng, kind) for kind in rng.choice(list(SIZE_COUNTS), 2))
         (near,) = Scene(jointless(a), Body.of([b])).nearest(np.zeros(0), np.eye(4), 1.0)
         if near.distance < -0.01:
             continue  # so deep is no contact

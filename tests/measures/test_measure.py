@@ -11,7 +11,7 @@ import pytest
 
 import handfast
 from handfast import InputError, Settings, load_grasp, measure
-from handfast.measures.catalogue import CATALOGUE, KEYS, RIGID, PassiveMaxima, passive_maxima
+from handfast.measures.catalogue import CATALOGUE, MEASURE_KEYS, RIGID_JOINTS, PassiveMaxima, passive_maxima
 from handfast.measures.measuring import measure_columns
 from handfast.model.grasp import Grasp
 from handfast.pictures.measures_picture import draw_measures
@@ -40,7 +40,7 @@ def test_passive_maxima_of_a_pinch():
 def test_all_measures_of_a_bundled_grasp():
     pytest.importorskip("clarabel")
     found = measure(load_grasp("barrett-can"), edges=4, passive=False)
-    assert [v.measure.key for v in found.values] == [k for k in KEYS if k != "passive_worst"]
+    assert [v.measure.key for v in found.values] == [k for k in MEASURE_KEYS if k != "passive_worst"]
     assert all(v.value is not None for v in found.values)
     assert found["force_closure"] is True
     assert 0 < found["epsilon_l1"] < found["epsilon_linf"] <= found.chosen.min() == found["largest_wrench"]
@@ -71,7 +71,7 @@ def test_what_is_said_beside_a_passive_maximum(lower, upper, note, monkeypatch):
 def test_what_is_said_beside_a_measure_that_leaves_the_laws_of_joints_out():
     bare = three(0.4, fingers=True)
     rubs = Grasp(bare.contacts, [replace(j, friction=0.1) for j in bare.joints])
-    keys = ["epsilon_l1", next(m.key for m in CATALOGUE if m.assumes == RIGID)]
+    keys = ["epsilon_l1", next(m.key for m in CATALOGUE if m.assumes == RIGID_JOINTS)]
     left_out = "friction, springs and stops of its joints are left out"
     assert [v.note for v in measure(rubs, only=keys).values] == ["", left_out]
     assert [v.note for v in measure(bare, only=keys).values] == ["", ""]
@@ -170,7 +170,7 @@ def test_bad_options(options, words):
 
 def test_catalogue():
     """Keys and names are used once, and each measure says where it is from and what it takes the hand to be."""
-    assert len(set(KEYS)) == len(CATALOGUE) == len({m.name for m in CATALOGUE})
+    assert len(set(MEASURE_KEYS)) == len(CATALOGUE) == len({m.name for m in CATALOGUE})
     assert all(m.source and m.assumes for m in CATALOGUE)
     assert handfast.measure is measure
 

@@ -11,7 +11,7 @@ import pytest
 
 from handfast import load_hand
 from handfast.core.errors import InputError
-from handfast.model.hand.joint_law import FREE, NO_LAW, JointLaw
+from handfast.model.hand.joint_law import NO_LAW, NO_STOPS, JointLaw
 from tests.support import graspit_files as graspit
 from tests.support.tendon_hand import tendon_hand
 
@@ -118,7 +118,7 @@ def test_a_limit_of_a_task_is_no_stop() -> None:
     assert law.within(0.2, 0.8) == law  # the joint may not go there, and nothing holds it
     assert law.within(-0.5, 1.0).stops == (-np.inf, 1.0)
     assert law.within(0.0, 1.5).stops == (0.0, np.inf)
-    assert law.within(-0.5, 2.0).stops == FREE
+    assert law.within(-0.5, 2.0).stops == NO_STOPS
 
 
 @pytest.mark.parametrize(

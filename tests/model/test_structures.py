@@ -14,7 +14,7 @@ from handfast.model.hand.structures import TABLE_1, Dimensions, hand_from_struct
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
 from handfast.synthesis.query import synthesize
-from handfast.synthesis.task import PAD, fingertip, pinch
+from handfast.synthesis.task import PAD_DIRECTION, fingertip, pinch
 from tests.support.feasible import Feasible, missed
 from tests.support.places import FEASIBLE as FEASIBLE_FILE
 
@@ -139,7 +139,7 @@ def test_pads_and_faces_of_the_pinch(hands: dict[str, Hand]) -> None:
     ball = next(s for s in hands["dist"].links[task.links[0]].shapes if s.kind == "sphere")
     assert index.hand.center == pytest.approx(ball.pose[:3, 3])
     assert index.hand.radius == ball.size[0]
-    assert index.hand.axis == pytest.approx(PAD / np.linalg.norm(PAD))
+    assert index.hand.axis == pytest.approx(PAD_DIRECTION / np.linalg.norm(PAD_DIRECTION))
     cube = Shape("box", (0.03, 0.03, 0.03))
     for region, side in ((index.object, 1.0), (thumb.object, -1.0)):
         u, v = np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0])

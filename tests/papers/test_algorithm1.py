@@ -179,7 +179,7 @@ def test_a_relaxation_without_an_exact_solution_is_undecided() -> None:
 
 def test_a_witness_beyond_the_motion_cap_lifts_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bound holds within the cap; an exact state that moves farther refutes it."""
-    monkeypatch.setattr(friction_relaxation, "MOTIONS", 1.0)
+    monkeypatch.setattr(friction_relaxation, "MOTION_BOUND", 1.0)
     answer, steps = maximum(load_grasp("fig1"), w(1, 0, 0), settings=settings(sectors=16))
     assert answer.witness.valid
     within = answer.posed.problem.direction_scale / max(step.bound for step in steps)

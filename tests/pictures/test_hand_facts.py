@@ -19,7 +19,7 @@ from handfast.model.hand_regions import HandRegion, HandRegions
 from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.pictures import hand_rows
-from handfast.pictures.drawing import SOLID
+from handfast.pictures.drawing import MESH_COLORS
 from handfast.pictures.hand_facts import HandFacts, facts_of, shown_hand, stated_masses, to_json
 from handfast.pictures.hand_picture import draw_hand, tint
 from handfast.pictures.scene import coarse
@@ -160,7 +160,7 @@ def test_regions_that_are_given_are_taken(wristed: Hand) -> None:
 def test_a_still_picture_has_every_colour(facts: HandFacts) -> None:
     figure = draw_hand(shown_hand(facts, Body.of([Shape("sphere", [0.01])], name="ball")), 30)
     pixels = np.vstack([np.asarray(ax.images[0].get_array())[..., :3].reshape(-1, 3) for ax in figure.axes])
-    for color in (*(to_rgb(c) for f in (*facts.fingers, "palm") for c in tint(facts, f)[:1]), SOLID["object"]):
+    for color in (*(to_rgb(c) for f in (*facts.fingers, "palm") for c in tint(facts, f)[:1]), MESH_COLORS["object"]):
         assert seen(pixels, np.array(color)) > 20, color
 
 

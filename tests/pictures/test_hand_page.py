@@ -25,7 +25,7 @@ from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.pictures.hand_facts import facts_of, shown_hand
 from handfast.pictures.hand_page import hand_page, report_hand
-from handfast.pictures.hand_picture import OF_HAND, OF_OBJECT, hand_scene
+from handfast.pictures.hand_picture import HAND_TRIANGLES, OBJECT_TRIANGLES, hand_scene
 from handfast.planning.candidates.palm_poses import palm_of
 from handfast.readers.load_hand import load_hand
 from tests.support.driven_page import drive, embedded
@@ -214,7 +214,7 @@ def test_a_fine_mesh_is_drawn_coarser_and_the_page_says_so() -> None:
     solid: dict[str, Any] = data["object"]["solid"]
     drawn = np.frombuffer(base64.b64decode(solid["faces"]), "<u4" if solid["wide"] else "<u2").reshape(-1, 3)
     at = np.frombuffer(base64.b64decode(solid["vertices"]), "<f4").reshape(-1, 3)
-    assert 0.3 * OF_OBJECT < len(drawn) <= OF_OBJECT
+    assert 0.3 * OBJECT_TRIANGLES < len(drawn) <= OBJECT_TRIANGLES
     assert np.abs(np.linalg.norm(at, axis=1) - 0.04).max() < 2e-4
     assert len(json.dumps(data)) < 1_500_000
     (note,) = notes
@@ -232,7 +232,7 @@ def test_a_hand_of_fine_meshes_is_drawn_with_coarser_hulls() -> None:
     regions = HandRegions("many", (HandRegion("tip", "f0_3", cap, "f0", "tip"),))
     data, (note,) = hand_scene(shown_hand(facts_of(hand, regions)))
     sizes = [len(base64.b64decode(link["solid"]["faces"])) / 6 for link in data["links"]]
-    assert 0.4 * OF_HAND < sum(sizes) <= OF_HAND
+    assert 0.4 * HAND_TRIANGLES < sum(sizes) <= HAND_TRIANGLES
     v = np.frombuffer(base64.b64decode(data["links"][3]["solid"]["vertices"]), "<f4").reshape(-1, 3)
     assert np.abs(np.linalg.norm(v, axis=1) - 0.01).max() < 2e-4
     assert note.startswith("The hand's shapes are drawn with fewer triangles")

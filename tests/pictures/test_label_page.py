@@ -10,7 +10,7 @@ import pytest
 
 from handfast import InputError
 from handfast.datasets.labels.label_columns import LabelSummary, complete
-from handfast.pictures.label_page import MOST, report_labels
+from handfast.pictures.label_page import LISTED_GRASPS, report_labels
 
 
 def labels(number: int) -> list[dict[str, Any]]:
@@ -45,8 +45,10 @@ def test_a_page_has_counts_reasons_and_grasps(tmp_path: Path) -> None:
 
 
 def test_of_many_grasps_the_first_are_listed_and_the_rest_counted(tmp_path: Path) -> None:
-    summary = LabelSummary(rows=MOST + 5, labelled=MOST + 5, verdicts=Counter(holds=MOST + 5))
-    report_labels(tmp_path / "many.html", "a.jsonl", summary, labels(MOST + 5))
+    summary = LabelSummary(
+        rows=LISTED_GRASPS + 5, labelled=LISTED_GRASPS + 5, verdicts=Counter(holds=LISTED_GRASPS + 5)
+    )
+    report_labels(tmp_path / "many.html", "a.jsonl", summary, labels(LISTED_GRASPS + 5))
     text = (tmp_path / "many.html").read_text("utf-8")
     assert "5 grasps more in a.jsonl" in text
-    assert (f"grasp-{MOST - 1}.json" in text, f"grasp-{MOST}.json" in text) == (True, False)
+    assert (f"grasp-{LISTED_GRASPS - 1}.json" in text, f"grasp-{LISTED_GRASPS}.json" in text) == (True, False)

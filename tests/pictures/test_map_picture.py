@@ -16,7 +16,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures import sentences
 from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
-from handfast.pictures.map_picture import HELD, draw_map, draw_sweep
+from handfast.pictures.map_picture import ARC_STYLES, draw_map, draw_sweep
 from handfast.pictures.scene import scene_meshes
 from handfast.stability.problem.grasp_limits import AskedWith, GraspLimits
 from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
@@ -133,7 +133,7 @@ def test_the_weight_is_a_circle_that_shows_where_it_is_too_much(mapped: MapAnswe
     assert len(arcs) == 8
     assert {(a.width, a.height) for a in arcs} == {(5.0, 5.0)}
     widths = [a.get_linewidth() for a in arcs]
-    assert widths == [HELD[s][1] for s in sentences.weight_states(mapped.preloaded, 2.5)]
+    assert widths == [ARC_STYLES[s][1] for s in sentences.weight_states(mapped.preloaded, 2.5)]
     assert (arcs[1].theta1, arcs[1].theta2) == (22.5, 67.5)
     assert "5 of 8 directions resist as much, 2 less, 1 not decided." in " ".join(texts(figure).split())
     assert figure.axes[0].get_xlim() == draw_map(mapped).axes[0].get_xlim()

@@ -234,8 +234,8 @@ def test_numbers(x: float, text: str) -> None:
 def test_demo_tells_a_story(grasp: Grasp, tmp_path: Path, capsys, monkeypatch) -> None:
     """The whole demo, on a small grasp and few directions; the bundled one has its own test."""
     monkeypatch.setattr(demo, "build", lambda: (grasp, []))
-    monkeypatch.setattr(demo, "DIRECTIONS", 4)
-    monkeypatch.setattr(demo, "PATIENCE", math.inf)
+    monkeypatch.setattr(demo, "DEMO_DIRECTIONS", 4)
+    monkeypatch.setattr(demo, "DIRECTION_TIMEOUT", math.inf)
     folder = tmp_path / "demo"
     assert main(["demo", "--output", str(folder)]) == 0
     out = capsys.readouterr().out

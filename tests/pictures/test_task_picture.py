@@ -17,7 +17,7 @@ from handfast.model.shape import Shape
 from handfast.pictures.camera import View, first_hit
 from handfast.pictures.depth_buffer import Facets, rendered
 from handfast.pictures.drawing import picture
-from handfast.pictures.task_picture import APART, HAND_REGION, OBJECT_REGION, clearest, draw_task
+from handfast.pictures.task_picture import HAND_REGION, OBJECT_REGION, REGION_VIEWS, clearest, draw_task
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible
 from tests.support.places import FEASIBLE as FEASIBLE_FILE
@@ -155,7 +155,7 @@ def test_the_side_of_a_cylinder_is_seen_from_where_its_normals_point() -> None:
     task = load_task("scalpel-upholding")
     seen = {}
     for name, first, flip in (("can", -np.pi / 2, False), ("behind", np.pi / 2, False), ("hole", np.pi / 2, True)):
-        angles, towards = (first, first + np.pi), APART[1].matrix[2]  # about the direction of view
+        angles, towards = (first, first + np.pi), REGION_VIEWS[1].matrix[2]  # about the direction of view
         side = CylinderSide((0, 0, 0), 0.03, (0, 0, 1), towards, angles, (-0.03, 0.03), flip)
         alone = replace(task, object=None, contact_pairs=(replace(task.contact_pairs[0], object=side),))
         seen[name] = hue(draw_task(alone).axes[1].images[0].get_array(), OBJECT_REGION).sum()

@@ -292,6 +292,6 @@ def test_the_shapes_are_right(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(arrow[:, 3:], axis=1), 1, atol=1e-9)
     head = np.linalg.norm(arrow[:, :2] - [1, 2], axis=1)
     assert head.max() == pytest.approx(2.6 * 0.05)
-    parts = "\n".join((folder / name).read_text("utf-8") for name in view3d.PROGRAM)
+    parts = "\n".join((folder / name).read_text("utf-8") for name in view3d.VIEW_SCRIPTS)
     (tmp_path / "b.js").write_text(f"(() => {{ 'use strict';\n{parts}}});", "utf-8")
     subprocess.run(["node", "--check", str(tmp_path / "b.js")], check=True, timeout=60)

@@ -18,7 +18,7 @@ from handfast.model.hand import Coupling, Hand, Joint, Link
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
-from handfast.planning.closing import GAP, close, stands_open, waiting
+from handfast.planning.closing import TOUCH_GAP, close, stands_open, waiting
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from tests.support.four_bar import FourBar
@@ -64,7 +64,7 @@ def test_the_inner_link_stops_and_the_outer_one_goes_on() -> None:
     assert closed.stopped == {"a": "inner touches", "b": "outer touches"}
     d = Scene(hand, body).distance(closed.q, pose)
     assert (d[1:] >= 0).all()
-    assert (d[1:] <= GAP).all()
+    assert (d[1:] <= TOUCH_GAP).all()
     assert closed.penetration == 0
     assert [c.link for c in closed.contacts] == ["inner", "outer"]
 

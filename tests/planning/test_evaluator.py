@@ -15,7 +15,7 @@ from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
-from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandidate
+from handfast.planning.evaluation.evaluator import COST_DEPTH, Evaluator, GraspCandidate
 from handfast.planning.evaluation.steps import Steps
 from handfast.planning.question import Allowed
 from handfast.planning.search import RejectionReason
@@ -84,7 +84,7 @@ def test_a_ball_wider_than_its_hollow_curves_into_it() -> None:
     evaluator, found = evaluated(Allowed(at_contacts=1e-3), tip=0.010)
     assert found.rim == pytest.approx(-1.25e-3)
     assert not found.possible
-    assert found.cost == pytest.approx(0.25e-3 / DEEP)
+    assert found.cost == pytest.approx(0.25e-3 / COST_DEPTH)
     assert evaluator.rejection(found) is RejectionReason.CURVED
 
 
@@ -106,7 +106,7 @@ def test_each_kind_of_depth_has_its_own_allowance(where: dict[str, float], fault
     strict = {RejectionReason.ITSELF: Allowed(5e-3, 5e-3, 0.5e-3), RejectionReason.OBJECT: Allowed(0.5e-3, 5e-3, 5e-3)}
     evaluator, found = evaluated(strict[fault], **where)
     assert not found.possible
-    assert found.cost == pytest.approx(1.5e-3 / DEEP, rel=1e-3)
+    assert found.cost == pytest.approx(1.5e-3 / COST_DEPTH, rel=1e-3)
     assert evaluator.rejection(found) is fault
     generous = {
         RejectionReason.ITSELF: strict[RejectionReason.OBJECT],
@@ -123,7 +123,7 @@ def test_the_worst_excess_is_named() -> None:
         (Allowed(1e-3, 1e-3, 0.5e-3), RejectionReason.ITSELF),
     ):
         evaluator, found = evaluated(allowed, itself=IN, body=IN)
-        assert found.cost == pytest.approx(2.5e-3 / DEEP, rel=1e-3)
+        assert found.cost == pytest.approx(2.5e-3 / COST_DEPTH, rel=1e-3)
         assert evaluator.rejection(found) is fault
 
 

@@ -33,12 +33,12 @@ from handfast.cli import main
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
 from handfast.planning.evaluation import preload_search
-from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
+from handfast.planning.evaluation.evaluator import EVALUATION_CUTOFF, Evaluator, requests
 from handfast.planning.evaluation.local_search import LocalSearch
 from handfast.planning.evaluation.steps import Gradients, Steps
 from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.question import Allowed, PlanLimits, Requirements
-from handfast.planning.ranking import BETTER, rank
+from handfast.planning.ranking import RANKING_SENSES, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.search import Journal
 from handfast.stability.problem.loads import Loads
@@ -116,8 +116,8 @@ def test_ranks(found: Grasps) -> None:
     assert rank([a.terms, a.terms]) == [0.5, 0.5]
     shares = rank([best.terms, b.terms])
     assert sum(shares) == pytest.approx(1.0)
-    wins = sum(s * (best.terms[t] - b.terms[t]) > 0 for t, s in BETTER.items())
-    assert shares[0] == pytest.approx(wins / len(BETTER))
+    wins = sum(s * (best.terms[t] - b.terms[t]) > 0 for t, s in RANKING_SENSES.items())
+    assert shares[0] == pytest.approx(wins / len(RANKING_SENSES))
 
 
 def test_none_where_the_hand_cannot_reach() -> None:
@@ -169,7 +169,7 @@ def test_units_can_be_sent_to_another_machine() -> None:
     """Machine code and clock are those of the machine; what a unit finds is the same."""
     task = load_task(NAME)
     scene = Scene(task.hand, load_body(task.object or ""))
-    evaluator = Evaluator(TaskProblem.of(task), Collisions(scene, cutoff=NEAR), ONE, 0.5, Allowed())
+    evaluator = Evaluator(TaskProblem.of(task), Collisions(scene, cutoff=EVALUATION_CUTOFF), ONE, 0.5, Allowed())
     work = LocalSearch(evaluator, 0, Requirements(friction=0.5, actuators=tuple(task.hand.closing_actuators)))
     work.end = time.monotonic() + 50
     sent = pickle.loads(pickle.dumps(work))
@@ -224,7 +224,7 @@ def bench() -> tuple[Evaluator, Walks, list[Any]]:
     task, body = load_task("teapot-service"), load_body("teapot")
     problem = TaskProblem.of(task)
     evaluator = Evaluator(
-        problem, Collisions(Scene(task.hand, body), cutoff=NEAR), Loads.gravity(body, "-y"), 0.5, Allowed()
+        problem, Collisions(Scene(task.hand, body), cutoff=EVALUATION_CUTOFF), Loads.gravity(body, "-y"), 0.5, Allowed()
     )
     starts = Starts(problem, 0)
     return evaluator, Walks(starts), starts.run(12)
@@ -295,7 +295,7 @@ def test_non_contacting_fingers_move_out_of_the_way() -> None:
         load_hand("schunk-sah"), narrow.contact_pairs, limits=limits | bent, pose=narrow.pose, object="teapot"
     )
     hand = task.hand
-    fingers = NonContactingFingers(task, Collisions(Scene(hand, body), cutoff=NEAR))
+    fingers = NonContactingFingers(task, Collisions(Scene(hand, body), cutoff=EVALUATION_CUTOFF))
     assert [{hand.joint_names[j].split("_")[0] for j in finger.joints} for finger in fingers.fingers] == [{"ring"}]
     problem = TaskProblem.of(task)
     evaluator = Evaluator(problem, fingers.collisions, Loads.gravity(body, "-y"), 0.5, Allowed())

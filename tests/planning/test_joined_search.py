@@ -34,7 +34,7 @@ from handfast.proofs.convex_solids import SolidsData
 from handfast.proofs.discarded_boxes import Boxes, replay_no_grasp
 from handfast.proofs.fields import Fields, Integers
 from handfast.proofs.intervals import Interval
-from handfast.proofs.posed_boxes import OBJECT, ContactBoxes
+from handfast.proofs.posed_boxes import OBJECT_LINK, ContactBoxes
 from handfast.proofs.replay import Replay
 from handfast.proofs.tasks import read_task
 from handfast.proofs.unbalanced import BoxBounds
@@ -253,7 +253,7 @@ def test_links_stand_where_the_hand_puts_them(make: Any) -> None:
         for link in contacts.placed:
             point = rng.normal(size=3)
             due = poses[link][:3, :3] @ point + poses[link][:3, 3]
-            seen = at.seen(link, OBJECT, point[None]).value
+            seen = at.seen(link, OBJECT_LINK, point[None]).value
             assert np.allclose(seen.mid[0], (due - pose[:3, 3]) @ pose[:3, :3], atol=1e-9)
             assert (seen.hi - seen.lo).max() < 1e-9
             other = data.links[k]

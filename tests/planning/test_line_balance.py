@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handfast import InputError, Reach, check, grasp_for, load_body, load_task
-from handfast.planning.evaluation.steps import EXACT, LineBalance
+from handfast.planning.evaluation.steps import ARM_TOLERANCE, LineBalance
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.search.starts import Starts, Walks
 from handfast.synthesis.solution import Solution, verify_existence
@@ -61,7 +61,7 @@ def test_arm_of_a_weight_is_its_distance_across_the_line(walks: Walks) -> None:
     line = LineBalance(walks, DOWN)
     a, b = (pair.object.middle[0] - BODY.center_of_mass for pair in walks.problem.task.contact_pairs)
     arm = np.array([0.0, -1.0, 0.0]) @ np.cross(a, b) / np.linalg.norm(b - a)
-    assert line.arm(np.full(4, 0.5)) == pytest.approx(arm, abs=EXACT)
+    assert line.arm(np.full(4, 0.5)) == pytest.approx(arm, abs=ARM_TOLERANCE)
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from handfast.planning.missing import Missing, of_collision, of_contacts
 from handfast.planning.no_balance import NoBalance
 from handfast.proofs.discarded_boxes import Boxes
 from handfast.proofs.intervals import Dual, Interval
-from handfast.proofs.posed_boxes import OBJECT
+from handfast.proofs.posed_boxes import OBJECT_LINK
 from tests.planning.test_joined_search import LIGHT, joined, walled
 from tests.support.holds import grip
 
@@ -38,9 +38,9 @@ def test_of_a_collision_the_depth_that_is_missing() -> None:
         boxes = Boxes.of(part.contacts, middle, np.array([at.chart]))
         for claim in range(0, len(found), len(found) // 12):
             link, k, body, m = found.which[claim].tolist()
-            assert body == OBJECT
-            point = boxes.middle.seen(link, OBJECT, found.points[[claim]]).value.mid
-            hand, thing = part.collision.sampled[link, k].shape, part.collision.sampled[OBJECT, m].shape
+            assert body == OBJECT_LINK
+            point = boxes.middle.seen(link, OBJECT_LINK, found.points[[claim]]).value.mid
+            hand, thing = part.collision.sampled[link, k].shape, part.collision.sampled[OBJECT_LINK, m].shape
             own, deep = float(hand.depth(found.points[[claim]])[0]), float(thing.depth(point)[0])
             said = of_collision(found, boxes, claim, ["?"] * 9)
             assert said

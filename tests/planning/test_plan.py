@@ -35,7 +35,7 @@ from handfast.model.shape import Shape
 from handfast.planning.candidates import palm_poses
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling, palm_of, sweeps
 from handfast.planning.candidates.surface import SurfaceSampler
-from handfast.planning.evaluation.attempt import REASONS, Attempts, Runner, squeezing
+from handfast.planning.evaluation.attempt import ATTEMPT_REASONS, Attempts, Runner, squeezing
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanLimits
 from handfast.planning.ranking import difference, most_different
@@ -89,11 +89,11 @@ def test_six_directions_of_gravity_unless_told_otherwise(planned: Plan) -> None:
 
 def test_every_start_is_accounted_for(planned: Plan) -> None:
     assert planned.tally.passed == 2
-    assert set(planned.tally.rejected) <= set(REASONS)
+    assert set(planned.tally.rejected) <= set(ATTEMPT_REASONS)
     assert planned.tried == planned.found[-1].index + 1
     entry = planned.to_json()
     assert sum(entry["fates"].values()) == entry["tried"] == planned.tried
-    assert list(entry["fates"]) == ["kept", *(reason.name.lower() for reason in REASONS)]
+    assert list(entry["fates"]) == ["kept", *(reason.name.lower() for reason in ATTEMPT_REASONS)]
     assert entry["verdict"] == "holds"
 
 

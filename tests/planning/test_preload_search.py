@@ -14,7 +14,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 from handfast.planning.evaluation import preload_search
-from handfast.planning.evaluation.preload_search import MANY, TOLERANCE, PreloadSearch, spanning
+from handfast.planning.evaluation.preload_search import PART_CONTACTS, PART_TOLERANCE, PreloadSearch, spanning
 from handfast.planning.filters.balance import imbalance
 from handfast.planning.question import PlanLimits
 from handfast.stability.problem.loads import Loads
@@ -63,11 +63,11 @@ def test_an_actuator_that_moves_no_contact_may_have_a_limit(most: float, holds: 
 
 def test_of_many_contacts_a_part_is_asked_and_all_of_them_hold() -> None:
     grasp = clamped(jaws(TURNED))
-    assert grasp.m > MANY
+    assert grasp.m > PART_CONTACTS
     answer, how = search().run(grasp, 24, clamped, ("slide",))
     assert answer.verdict is Verdict.HOLDS
     assert (how.touching, how.searched) == (24, 4)
-    assert 0 < how.error <= TOLERANCE
+    assert 0 < how.error <= PART_TOLERANCE
     assert answer.grasp is not None
     assert answer.grasp.m == grasp.m
     assert all(a.witness is not None and a.witness.grasp.m == grasp.m for a in answer.checks)
@@ -226,4 +226,4 @@ def test_a_preload_is_not_looked_for_after_the_plan_has_ended(monkeypatch: pytes
     monkeypatch.setattr(preload_search.time, "monotonic", lambda: 100.0)
     for until in (np.inf, 107.0, 90.0):
         PreloadSearch(BODY, Loads.gravity(BODY), PlanLimits(), until).found(grasp, ())
-    assert given == [preload_search.PATIENCE, 7.0, preload_search.SHORTEST]
+    assert given == [preload_search.PRELOAD_TIMEOUT, 7.0, preload_search.MIN_PRELOAD_TIME]

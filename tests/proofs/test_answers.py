@@ -17,9 +17,9 @@ from handfast.model.grasp import Grasp
 from handfast.proofs import answers, checker
 from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import prove
-from handfast.proofs.fields import SAME, BadFile
+from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile
 from handfast.proofs.files import verify
-from handfast.proofs.kinds import TURN, Row
+from handfast.proofs.kinds import TURN_DIRECTIONS, Row
 from handfast.proofs.replay import Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import TOO_SMALL, motion_size
@@ -125,7 +125,7 @@ def test_the_course_of_the_search_is_recorded_and_not_proved() -> None:
     data["answer"] |= {"seconds": 1e3, "nodes": 7, "stop": "time", "verified": False}
     done = verify(data)
     assert done.ok
-    assert answers.NOT_REPLAYED in done.not_replayed
+    assert answers.ANSWER_NOT_REPLAYED in done.not_replayed
     said = json.dumps(done.to_json() | {"not_replayed": []})
     assert not any(word in said for word in ("1000", "nodes", "time", "stop"))
 
@@ -194,11 +194,17 @@ def test_a_cap_on_motions_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     replay = answers.refuted
     monkeypatch.setattr(answers, "refuted", refuted)
     exact = capped()["answer"]["motion_cap"]
-    for cap in (None, exact * (1 + 10 * SAME), 2 * exact, -1.0, True, 10**50):
+    for cap in (None, exact * (1 + 10 * EQUALITY_TOLERANCE), 2 * exact, -1.0, True, 10**50):
         data = capped()
         data["answer"]["motion_cap"] = cap
         assert reason(data) == "answer: motion_cap is not what the rest of the file shows"
-    for cap in (exact, exact * (1 - 10 * SAME), 0.5 * exact, 1.0, 1):  # what is so up to a motion is so up to less
+    for cap in (
+        exact,
+        exact * (1 - 10 * EQUALITY_TOLERANCE),
+        0.5 * exact,
+        1.0,
+        1,
+    ):  # what is so up to a motion is so up to less
         data = capped()
         data["answer"]["motion_cap"] = cap
         done = verify(data)
@@ -291,10 +297,10 @@ def wedge(tilt: float) -> tuple[dict[str, Any], dict[str, Any]]:
     held["answer"] |= {"exact": True, "motion": proved.motion} | answers.described(q.grasp, state, proved)
 
     zero = np.zeros(1, np.int64)
-    rows = (np.full(2, int(Row.TANGENT)), np.arange(2), np.array([TURN // 2, 0]), np.zeros(2, np.int64))
+    rows = (np.full(2, int(Row.TANGENT)), np.arange(2), np.array([TURN_DIRECTIONS // 2, 0]), np.zeros(2, np.int64))
     forged = Certificate(q, None, zero - 1, zero, zero, zero, zero, np.array([0, 2]), *rows, np.ones(2))
     slips = held | {"witness": None, "certificate": proof_to_dict(forged)}
-    slips["answer"] = held["answer"] | dict.fromkeys(answers.NOTHING) | {"verdict": "slips", "certified": True}
+    slips["answer"] = held["answer"] | dict.fromkeys(answers.UNPROVED_STATE) | {"verdict": "slips", "certified": True}
     slips["answer"] |= {"exact": None, "motion": None, "motion_cap": checker.verify(forged).cap}
     return held, slips
 
@@ -323,13 +329,13 @@ def test_a_smaller_cap_than_the_proved_one_may_be_named_and_no_larger_one() -> N
     """
     _, slips = wedge(1e-8)
     exact = slips["answer"]["motion_cap"]
-    for cap in (exact, exact * (1 - 10 * SAME), 0.5 * exact, 1.0, 0.0):
+    for cap in (exact, exact * (1 - 10 * EQUALITY_TOLERANCE), 0.5 * exact, 1.0, 0.0):
         slips["answer"]["motion_cap"] = cap
         done = verify(slips)
         assert done.ok, done.reason
         assert done.part("certificate").figures["motion_cap"] == exact
         assert done.part("certificate").claim.endswith(f"up to virtual motions of {exact:.6g} N")
-    for cap in (exact * (1 + 10 * SAME), 2 * exact, 1e300, -1.0, None, "1e4", True):
+    for cap in (exact * (1 + 10 * EQUALITY_TOLERANCE), 2 * exact, 1e300, -1.0, None, "1e4", True):
         slips["answer"]["motion_cap"] = cap
         assert reason(slips) == "answer: motion_cap is not what the rest of the file shows", cap
 

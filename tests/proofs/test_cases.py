@@ -10,16 +10,16 @@ from handfast.proofs.cases import (
     BELOW,
     CLOSED,
     FREE,
-    HALF,
+    HALF_TURN,
     HIGH,
-    LAST,
     LOCKED,
     LOW,
+    MAX_PATCH,
     MOVES,
     OPEN,
     SLIDE,
     STICK,
-    TURN,
+    TURN_DIRECTIONS,
     UNDECIDED,
     BadCertificate,
     contains,
@@ -30,8 +30,8 @@ from tests.support.proof_states import contact, pinch, question
 
 ROOT = (-1, 0, 0, 0, 0)
 SPLIT = [(0, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)]
-THIRD = TURN // 3
-SECTORS = [(SLIDE, 0, THIRD), (SLIDE, THIRD, 2 * THIRD), (SLIDE, 2 * THIRD, TURN)]
+THIRD = TURN_DIRECTIONS // 3
+SECTORS = [(SLIDE, 0, THIRD), (SLIDE, THIRD, 2 * THIRD), (SLIDE, 2 * THIRD, TURN_DIRECTIONS)]
 JOINTS = [{"name": n, "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]} for n in ("a", "b")]
 
 
@@ -101,16 +101,17 @@ def test_cases_are_those_of_parents_with_one_part_changed():
 
 
 FINE = {
-    "half turns of a closed contact": closed((CLOSED, 5, 5 + HALF), (CLOSED, 5 + HALF, 5 + TURN)),
+    "half turns of a closed contact": closed((CLOSED, 5, 5 + HALF_TURN), (CLOSED, 5 + HALF_TURN, 5 + TURN_DIRECTIONS)),
     "sectors in any order": closed((STICK, 0, 0), *SECTORS[::-1]),
     "stick within a sector": [
-        *closed((CLOSED, 0, HALF), (CLOSED, HALF, TURN)),
-        (3, 0, STICK, 0, HALF), (3, 0, SLIDE, 0, 9), (3, 0, SLIDE, 9, HALF),
-        (4, 0, STICK, 0, 0), (4, 0, SLIDE, HALF, HALF + 9), (4, 0, SLIDE, HALF + 9, TURN),
+        *closed((CLOSED, 0, HALF_TURN), (CLOSED, HALF_TURN, TURN_DIRECTIONS)),
+        (3, 0, STICK, 0, HALF_TURN), (3, 0, SLIDE, 0, 9), (3, 0, SLIDE, 9, HALF_TURN),
+        (4, 0, STICK, 0, 0), (4, 0, SLIDE, HALF_TURN, HALF_TURN + 9), (4, 0, SLIDE, HALF_TURN + 9, TURN_DIRECTIONS),
     ],
     "a sector is halved": [*closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 7, THIRD)],
     "sectors of nearly half a turn": closed(
-        (STICK, 0, 0), (SLIDE, 0, HALF - 1), (SLIDE, HALF - 1, TURN - 9), (SLIDE, TURN - 9, TURN)
+        (STICK, 0, 0), (SLIDE, 0, HALF_TURN - 1), (SLIDE, HALF_TURN - 1, TURN_DIRECTIONS - 9),
+        (SLIDE, TURN_DIRECTIONS - 9, TURN_DIRECTIONS),
     ),
     "sectors that begin below zero": closed((STICK, 0, 0), *((SLIDE, a - 9, b - 9) for _, a, b in SECTORS)),
 }  # fmt: skip
@@ -163,16 +164,16 @@ BAD = {
     ),
     "no full turn": ([ROOT, *closed((STICK, 0, 0), *SECTORS[:2])], "are not those of the node, or a full turn"),
     "half a turn": (
-        [ROOT, *closed((STICK, 0, 0), (SLIDE, 0, HALF), (SLIDE, HALF, TURN))],
+        [ROOT, *closed((STICK, 0, 0), (SLIDE, 0, HALF_TURN), (SLIDE, HALF_TURN, TURN_DIRECTIONS))],
         "a child is no sector, or not of the right state",
     ),
     "more than half a turn": (
-        [ROOT, *closed((CLOSED, 0, HALF + 1), (CLOSED, HALF + 1, TURN))],
+        [ROOT, *closed((CLOSED, 0, HALF_TURN + 1), (CLOSED, HALF_TURN + 1, TURN_DIRECTIONS))],
         "a child is no sector, or not of the right state",
     ),
     "a sector that is none": ([ROOT, *closed((STICK, 0, 0), *SECTORS, (SLIDE, 5, 5))], "a child is no sector"),
     "states are mixed": (
-        [ROOT, *closed((STICK, 0, 0), *SECTORS[:2], (CLOSED, 2 * THIRD, TURN))], "a child is no sector",
+        [ROOT, *closed((STICK, 0, 0), *SECTORS[:2], (CLOSED, 2 * THIRD, TURN_DIRECTIONS))], "a child is no sector",
     ),
     "not all of the sector": (
         [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 7, THIRD - 1)],
@@ -230,15 +231,22 @@ def test_patches_end_where_their_numbers_do(upper):
         nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
         node, number = len(nodes) - 1 + upper, 2 * number + upper
     cases(soft(), *nodes)
-    assert number == (LAST if upper else 2**30)
+    assert number == (MAX_PATCH if upper else 2**30)
     nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
     with pytest.raises(BadCertificate, match="needs the two halves"):
         cases(soft(), *nodes)
 
 
 def test_which_patch_is_part_of_which():
-    pairs = {(8, 8): True, (8, 17): True, (8, 18): False, (16, 8): False, (15, LAST): True, (LAST, LAST): True}
-    pairs |= {(7, 7): False, (7, 14): False, (8, LAST + 1): False, (LAST + 1, LAST + 1): False}
+    pairs = {
+        (8, 8): True,
+        (8, 17): True,
+        (8, 18): False,
+        (16, 8): False,
+        (15, MAX_PATCH): True,
+        (MAX_PATCH, MAX_PATCH): True,
+    }
+    pairs |= {(7, 7): False, (7, 14): False, (8, MAX_PATCH + 1): False, (MAX_PATCH + 1, MAX_PATCH + 1): False}
     outer, inner = np.array(list(pairs)).T
     assert contains(outer, inner).tolist() == list(pairs.values())
 

@@ -13,8 +13,8 @@ import pytest
 
 from handfast.proofs import certificate
 from handfast.proofs.certificate import (
-    NODES,
-    ROWS,
+    NODE_ARRAYS,
+    ROW_ARRAYS,
     SCHEMA,
     Certificate,
     file_to_dict,
@@ -53,10 +53,10 @@ def preload():
 
 def test_round_trip():
     rng = np.random.default_rng(3)
-    rows = {name: rng.integers(-(2**31), 2**31, size=6) for name in ROWS}
+    rows = {name: rng.integers(-(2**31), 2**31, size=6) for name in ROW_ARRAYS}
     c = proof(**rows, left=[-(2**31), 2**31 - 1, 5, 0, -1], references=rng.normal(size=(2, 3)))
     back = read_certificate(json.loads(json.dumps(proof_to_dict(c))), "proof", c.question)
-    for name in (*NODES, "start", *ROWS, "multiplier", "references"):
+    for name in (*NODE_ARRAYS, "start", *ROW_ARRAYS, "multiplier", "references"):
         assert np.array_equal(getattr(back, name), getattr(c, name)), name
     assert back.multiplier.dtype == c.multiplier.dtype
     short = read_certificate(json.loads(json.dumps(proof_to_dict(c.rounded()))), "proof", c.question)
@@ -153,7 +153,7 @@ def test_no_more_is_unpacked_than_the_counts_say(monkeypatch):
 
 
 SHAPES = {
-    "empty tree": ({name: [] for name in NODES}, "parent: is empty"),
+    "empty tree": ({name: [] for name in NODE_ARRAYS}, "parent: is empty"),
     "nodes": ({"state": [0]}, "state: has shape .*; 5 numbers are needed"),
     "rows": ({"a": [0]}, "a: has shape .*; 6 numbers are needed"),
     "table": ({"kind": [[5] * 6]}, "kind: has shape"),
@@ -184,7 +184,7 @@ def test_multipliers_are_divided_by_the_largest_of_their_leaf():
     assert Certificate(walls(), None, **(arrays() | {"multiplier": given})).multiplier.tolist() == given.tolist()
     assert many.leaves.tolist() == [1, 3, 4]
     assert many.claim == "the disturbance is not resisted"
-    for name in (*NODES, *ROWS, "start", "multiplier", "references"):
+    for name in (*NODE_ARRAYS, *ROW_ARRAYS, "start", "multiplier", "references"):
         assert not getattr(many, name).flags.writeable
 
 

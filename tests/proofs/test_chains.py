@@ -14,10 +14,10 @@ from handfast.core.arrays import Array
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
-from handfast.proofs.chains import CROOKED, Arms, Drive, JointStep, Pose, orthonormal
+from handfast.proofs.chains import LINK_ROTATION_ERROR, Arms, Drive, JointStep, Pose, orthonormal
 from handfast.proofs.contact_equations import rotations
 from handfast.proofs.fields import Fields
-from handfast.proofs.intervals import TINY, ULP, Dual, Interval, crossing
+from handfast.proofs.intervals import MACHINE_EPSILON, UNDERFLOW_BOUND, Dual, Interval, crossing
 from handfast.proofs.regions import ContactSide, _weights, read_region
 from handfast.proofs.replay import Refused
 from handfast.readers.region_file import region_to_dict
@@ -58,7 +58,11 @@ def touched(hand: Hand, link: str) -> Task:
 @pytest.mark.parametrize("size", [1.0, 2.0**-20])
 def test_a_fixed_joint_may_miss_its_coupling_by_rounding(off: float, size: float) -> None:
     """-1.5 * 0.5 + 0.25 = -0.5: the terms are 0.75 and 0.25, so 16 roundings of 1."""
-    task = follower(-0.5 + off * ULP, 0.5) if size == 1.0 else follower(OFFSET + off * ULP * OFFSET, 0.0)
+    task = (
+        follower(-0.5 + off * MACHINE_EPSILON, 0.5)
+        if size == 1.0
+        else follower(OFFSET + off * MACHINE_EPSILON * OFFSET, 0.0)
+    )
     drive = drive_of(task)
     assert drive.joints == (0, 1)
     mine = float(task.hand.joints[1].lower)
@@ -71,20 +75,20 @@ def test_a_fixed_joint_may_miss_its_coupling_by_rounding(off: float, size: float
 @pytest.mark.parametrize("off", [18.0, -18.0, 160.0, -1600.0])
 def test_a_fixed_joint_may_not_miss_its_coupling_by_more(off: float) -> None:
     with pytest.raises(Refused, match=r"joint b is fixed at -0.5 by its limits, at -0.5 by its coupling"):
-        drive_of(follower(-0.5 + off * ULP))
+        drive_of(follower(-0.5 + off * MACHINE_EPSILON))
 
 
 def test_what_counts_as_rounding_is_of_the_terms() -> None:
     """With a driver at 0 only the offset is left: 16 roundings of 0.25; without an offset either, of nothing."""
-    drive_of(follower(OFFSET * (1 + 14 * ULP), driver=0.0))
+    drive_of(follower(OFFSET * (1 + 14 * MACHINE_EPSILON), driver=0.0))
     with pytest.raises(Refused, match=r"joint b is fixed at 0.25 by its limits, at 0.25 by its coupling"):
-        drive_of(follower(OFFSET * (1 + 20 * ULP), driver=0.0))
+        drive_of(follower(OFFSET * (1 + 20 * MACHINE_EPSILON), driver=0.0))
     with pytest.raises(Refused, match=r"joint b is fixed at 1 by its limits, at -0.5 by its coupling"):
         drive_of(follower(1.0))
-    small = replace(follower(0.0), hand=zero_offset(64 * TINY))
+    small = replace(follower(0.0), hand=zero_offset(64 * UNDERFLOW_BOUND))
     with pytest.raises(Refused, match="joint b is fixed"):
         drive_of(small)
-    drive_of(replace(follower(0.0), hand=zero_offset(8 * TINY)))
+    drive_of(replace(follower(0.0), hand=zero_offset(8 * UNDERFLOW_BOUND)))
 
 
 def zero_offset(at: float) -> Hand:
@@ -97,15 +101,15 @@ def zero_offset(at: float) -> Hand:
 def test_a_link_s_frame_is_a_rotation_but_for_rounding(column: int, off: float, stands: bool) -> None:
     """A column that is longer by some 1e-12 is one that floats may have come to; by 3e-12 it was never a rotation."""
     turned = pose(0.1 * X, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
-    turned[:3, column] *= 1 + off * CROOKED
-    assert CROOKED == 1e-12
+    turned[:3, column] *= 1 + off * LINK_ROTATION_ERROR
+    assert LINK_ROTATION_ERROR == 1e-12
     task = touched(chain(("near", "palm", turned, [joint("a", Z)])), "near")
     if stands:
         arms = arms_of(task)
         exact = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
         assert (arms.frame.lo[-1] <= exact).all()
         assert (exact <= arms.frame.hi[-1]).all()
-        assert (arms.frame.hi - arms.frame.lo).max() < CROOKED / 10
+        assert (arms.frame.hi - arms.frame.lo).max() < LINK_ROTATION_ERROR / 10
     else:
         with pytest.raises(Refused, match=r"link near does not stand at a rotation, but .*e-1[12] off one"):
             arms_of(task)
@@ -190,7 +194,7 @@ def test_patches_of_any_degrees_stand_beside_each_other(degree: tuple[int, int])
 @pytest.mark.parametrize(("off", "passes"), [(14.0, True), (20.0, False)])
 def test_what_counts_as_rounding_is_of_the_whole_chain_of_couplings(off: float, passes: bool) -> None:
     """c = b + 1 and b = a with a at 0: the 1 counts, though it is not of the last coupling."""
-    at = 1 + off * ULP
+    at = 1 + off * MACHINE_EPSILON
     hand = chain(
         ("near", "palm", pose(0.1 * X), [joint("a", Z, 0, 0)]),
         ("mid", "near", pose(0.1 * X), [joint("b", Z, 0, 0)]),

@@ -11,7 +11,7 @@ import pytest
 from handfast.proofs.cases import CLOSED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import checked_rows, verify
-from handfast.proofs.question import LARGEST
+from handfast.proofs.question import LARGEST_GOAL
 from handfast.proofs.rows import Columns, Row
 from tests.support.proof_certificates import LEAVES, NODES, proof, walls
 from tests.support.proof_states import contact, pinch, question
@@ -91,7 +91,7 @@ def test_loads_that_miss_what_holds_by_rounding_are_not_refuted(torque, ok):
 @pytest.mark.parametrize(("last", "ok"), [(0.9e9, True), (1.1e9, False), (np.inf, False)])
 def test_what_may_be_missed_grows_with_the_load_to_the_end_of_the_range(last: float, ok: bool) -> None:
     """Neither contact holds the 1 N m about their line; of a load of 1 N times the scalar 1e-9 may be missed."""
-    q = pinch([0, 0, 0, 1, 0, 0], goal=LARGEST, direction=[1, 0, 0, 0, 0, 0])
+    q = pinch([0, 0, 0, 1, 0, 0], goal=LARGEST_GOAL, direction=[1, 0, 0, 0, 0, 0])
     assert verify(Certificate.of_root(q, (1.0, last))).ok == ok
 
 
@@ -174,7 +174,7 @@ def test_sticking_contacts_leave_motions_free():
 
 
 def test_what_pushes_the_scalar_is_the_bound_at_its_first_end_alone():
-    q = pinch([0, 0, 0, 0, 0, 0], goal=LARGEST, direction=[0, 0, 1, 0, 0, 0])
+    q = pinch([0, 0, 0, 0, 0, 0], goal=LARGEST_GOAL, direction=[0, 0, 1, 0, 0, 0])
     at, none, root = Columns.of(q), np.zeros(3, np.int64), np.zeros(1, np.int64)
     kind = np.array([Row.BOUND_UP, Row.BOUND_UP, Row.BOUND_DOWN])
     index = np.array([at.scalar.start, at.c.start, at.scalar.start])

@@ -27,7 +27,7 @@ from handfast.proofs.discarded_boxes import (
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.motors import Motors
-from handfast.proofs.posed_boxes import OBJECT, ContactBoxes
+from handfast.proofs.posed_boxes import OBJECT_LINK, ContactBoxes
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import LinkData, TaskData, read_task
 from handfast.proofs.unbalanced import Motions, Placements
@@ -123,7 +123,7 @@ def test_what_is_known_of_boxes_that_do_not_overlap_enough() -> None:
     root, middle = contacts.root, np.repeat(contacts.root.mean(axis=1)[:, None], 2, axis=1)
     boxes = Boxes.of(contacts, np.array([root, middle, middle, middle]), np.array([0, 0, 1, 2]))
     shapes = SolidsData.read(solids(0.55), LINKS)
-    which, far = np.array([[1, 0, OBJECT, 0]] * 3), np.array([0.0, 0.005, 0.545 + 0.01])
+    which, far = np.array([[1, 0, OBJECT_LINK, 0]] * 3), np.array([0.0, 0.005, 0.545 + 0.01])
     collision = Collision(shapes, which, np.array([TIP, far, [0, 0.005, 0.345]]))
     assert len(collision) == 3
     # the point itself, twice; 10 mm outside its own solid; 0.2 m deep in it, and outside of the other at that turn
@@ -323,11 +323,11 @@ def test_shares_of_each_reason() -> None:
     motors = Motors.read(Fields({"actuators": []}, ""), task, {})
     motions = Motions(np.ones((2, 1)), np.full((2, 2), -1), np.ones((2, 6)), np.array([[0.0, 0.0], [1.0, 0.0]]))
     own = Balance(Placements.of(task.on_object, np.ones((1, 6)), 0.5), motions, contacts, motors)
-    which = np.array([[1, 0, OBJECT, 0], [1, 0, 0, 0], [1, 0, OBJECT, 1]])
+    which = np.array([[1, 0, OBJECT_LINK, 0], [1, 0, 0, 0], [1, 0, OBJECT_LINK, 1]])
     shapes = SolidsData.read(solids(0.25, 0.125), LINKS)
     proof = NoGraspProof((0,), contacts, own, Collision(shapes, which, np.zeros((3, 3))), BoxTree((-1,) * 4))
     counts = DiscardCounts.of(proof, {-1: 10, -2: 20, -3: 30, -4: 11, -5: 28, -6: 1})
-    assert counts == DiscardCounts(10, 20, 30, Counter({(1, OBJECT): 12, (1, 0): 28}))
+    assert counts == DiscardCounts(10, 20, 30, Counter({(1, OBJECT_LINK): 12, (1, 0): 28}))
     assert counts.words(task, shapes) == (
         "wherever left_finger, right_finger would touch as asked, left_finger is more than 125 mm inside palm (28 %), "
         "or left_finger is more than 250 mm inside the object (12 %), or no contact forces balance the loads (20 %), "

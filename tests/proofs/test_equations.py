@@ -10,7 +10,7 @@ import pytest
 from flint import fmpq
 
 from handfast.proofs.equations import RightSide, equations_of, power_near
-from handfast.proofs.question import LARGEST, TORQUES, Question, read_question
+from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, read_question
 from handfast.proofs.tolerance import EPS
 from tests.support.proof_states import pinch
 from tests.support.small_grasp import small_grasp
@@ -23,7 +23,7 @@ def side(q: Question, scalar: tuple[float, float] | None) -> RightSide:
 
 
 def largest(wrench: list[float]) -> Question:
-    return pinch(wrench, goal=LARGEST, direction=[0, 3, 0, 0, 0, 0])
+    return pinch(wrench, goal=LARGEST_GOAL, direction=[0, 3, 0, 0, 0, 0])
 
 
 def test_slack_is_of_the_base_load_and_growth_of_the_direction() -> None:

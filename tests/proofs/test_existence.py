@@ -14,8 +14,8 @@ from handfast.model.mechanism import Mechanism
 from handfast.proofs import states
 from handfast.proofs.balls import Balls, refined
 from handfast.proofs.existence import (
-    AWAY,
-    TRIES,
+    MODE_TRIES,
+    REQUIRED_SLACK,
     _inside,
     inequalities,
     nearby,
@@ -326,7 +326,7 @@ def test_no_length_and_no_force_is_absolute(exponent):
         assert done.exact, (length, force, done.reason)
         assert scaled.size == pytest.approx(length * g.size)
         np.testing.assert_allclose(scaled.joint_arms, length * g.joint_arms, rtol=1e-9)
-        modes = TRIES if force == 1.0 else 2  # all that are tried otherwise, or the likeliest
+        modes = MODE_TRIES if force == 1.0 else 2  # all that are tried otherwise, or the likeliest
         wrong = prove(replace(p, grasp=scaled, wrench=1.001 * wrench), other, tries=modes)
         nothing(wrong)
 
@@ -523,7 +523,7 @@ def test_a_state_at_the_edge_of_its_modes_is_moved_inside(family):
 
     system = System.of(edge, modes, x, False)
     assert kept(x) < 1e-12
-    assert kept(_inside(system)) > 0.5 * AWAY * p.scale
+    assert kept(_inside(system)) > 0.5 * REQUIRED_SLACK * p.scale
 
 
 def test_by_how_much_every_inequality_is_kept_by_hand():

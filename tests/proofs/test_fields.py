@@ -10,8 +10,8 @@ import pytest
 from flint import fmpq
 
 from handfast.proofs.fields import (
-    LARGEST,
-    SAME,
+    EQUALITY_TOLERANCE,
+    MAX_JSON_NUMBER,
     ZERO,
     BadFile,
     Fields,
@@ -27,12 +27,12 @@ from handfast.proofs.fields import (
 )
 from tests.support.refused import refused
 
-BEYOND = float(np.nextafter(LARGEST, np.inf))
+BEYOND = float(np.nextafter(MAX_JSON_NUMBER, np.inf))
 
 
 def test_limits() -> None:
-    assert LARGEST == 1e50
-    assert SAME == 1e-9
+    assert MAX_JSON_NUMBER == 1e50
+    assert EQUALITY_TOLERANCE == 1e-9
 
 
 def test_a_fault_names_field_and_problem() -> None:
@@ -167,7 +167,7 @@ def test_lists_of_texts() -> None:
 # --- numbers
 
 
-@pytest.mark.parametrize("value", [0, -3, 2.5, LARGEST, -LARGEST])
+@pytest.mark.parametrize("value", [0, -3, 2.5, MAX_JSON_NUMBER, -MAX_JSON_NUMBER])
 def test_numbers_come_back(value: float) -> None:
     found = number(value, "a")
     assert found == value
@@ -265,7 +265,7 @@ def test_faults_of_tables(value: Any, shape: tuple[int, ...], problem: str) -> N
 
 
 def test_tables_reach_the_largest_numbers() -> None:
-    assert numbers([LARGEST, -LARGEST], (2,), "a").tolist() == [LARGEST, -LARGEST]
+    assert numbers([MAX_JSON_NUMBER, -MAX_JSON_NUMBER], (2,), "a").tolist() == [MAX_JSON_NUMBER, -MAX_JSON_NUMBER]
 
 
 def test_numbers_of_numpy_in_lists() -> None:

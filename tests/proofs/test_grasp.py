@@ -14,7 +14,15 @@ from flint import fmpq
 from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs.fields import BadFile
-from handfast.proofs.grasp import MANY, NOTHING, STOPS, UNIT_TOLERANCE, GraspData, StartData, read_grasp
+from handfast.proofs.grasp import (
+    LENGTH_ROUNDING,
+    MAX_GRASP_SIZE,
+    STOP_SIDES,
+    UNIT_TOLERANCE,
+    GraspData,
+    StartData,
+    read_grasp,
+)
 from handfast.readers.grasp_file import load_grasp, to_dict
 from tests.support.law_grasps import random_law_grasp
 from tests.support.problems import bell, nest, pinch, solved
@@ -75,8 +83,8 @@ def altered(path: str, value: Any) -> dict[str, Any]:
 
 
 def test_constants() -> None:
-    assert (MANY, UNIT_TOLERANCE, NOTHING) == (249, 1e-3, 1e-14)
-    assert STOPS == ("", "lower", "upper", "both")
+    assert (MAX_GRASP_SIZE, UNIT_TOLERANCE, LENGTH_ROUNDING) == (249, 1e-3, 1e-14)
+    assert STOP_SIDES == ("", "lower", "upper", "both")
 
 
 def test_what_is_read(small: GraspData) -> None:
@@ -216,7 +224,7 @@ def test_the_model_has_the_same(pair: tuple[Grasp, GraspData]) -> None:
         assert np.array_equal(own, np.reshape(of_model, own.shape))
     assert g.actuators == mech.actuators
     assert g.joints == tuple(joint.name for joint in grasp.joints)
-    assert [STOPS[k] for k in g.stop] == [joint.stop for joint in grasp.joints]
+    assert [STOP_SIDES[k] for k in g.stop] == [joint.stop for joint in grasp.joints]
     assert g.has_laws == grasp.has_laws
     assert g.size == pytest.approx(grasp.size, rel=1e-14)
 

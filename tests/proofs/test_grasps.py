@@ -19,7 +19,7 @@ from handfast.planning.results import grasps_file
 from handfast.proofs.fields import BadFile
 from handfast.proofs.grasps import replay_grasps
 from handfast.proofs.replay import Replay
-from handfast.proofs.synthesis import COURSE, NAMES
+from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
 from handfast.synthesis.embedded_task import task_to_dict
 from tests.support.holds import grip
 
@@ -226,7 +226,7 @@ SLIDES = {"motions": [{"loads": {"down": 1.0}, "twist": [0, 0, -1, 0, 0, 0]}], "
 def test_of_no_grasp_something_is_shown() -> None:
     done = replay_grasps(none(SLIDES, friction=0.0))
     assert done.ok, done.reason
-    assert (done.name, done.claim, done.not_replayed) == ("grasps", "", (COURSE, NAMES))
+    assert (done.name, done.claim, done.not_replayed) == ("grasps", "", (SYNTHESIS_COURSE, NAMES_CLAIM))
     (part,) = done.parts
     assert (part.name, part.figures) == ("balance", {"boxes": 1})
     assert part.claim.endswith("with a friction of 0 and normal forces up to 60 N no contact forces balance down")
@@ -292,7 +292,7 @@ def test_few_contacts_hold_no_loads_of_both_signs() -> None:
     done = replay_grasps(file(2))
     assert done.ok
     assert done.parts[0].claim.startswith("1 contacts cannot hold down, up with a friction of 0.8: loads of both signs")
-    assert (done.parts[0].figures, done.not_replayed) == ({"contacts": 2}, (COURSE, NAMES))
+    assert (done.parts[0].figures, done.not_replayed) == ({"contacts": 2}, (SYNTHESIS_COURSE, NAMES_CLAIM))
     assert replay_grasps(file(2, torsion=0.001)).ok
     assert replay_grasps(file(2, friction=0.0)).ok  # loads of both signs along one direction
     assert replay_grasps(file(3)).fault == "balance: shown is only that it takes 2"
@@ -346,7 +346,7 @@ def test_every_configuration_is_discarded() -> None:
     solids = {"links": fingers, "object": [ball(1.1, -0.975, 0.0)], "depth": 0.594, "pairs": []}
     done = replay_grasps(none(proof, solids=solids))
     assert done.ok, done.reason
-    assert done.not_replayed == (COURSE, NAMES, "that the solids are those of hand and object")
+    assert done.not_replayed == (SYNTHESIS_COURSE, NAMES_CLAIM, "that the solids are those of hand and object")
     figures = {"boxes": 4, "contacts": 0, "balance": 0, "slips": 0, "collision": 4}
     assert (done.parts[0].name, done.parts[0].figures) == ("no grasp", figures)
     assert "left_finger is more than 594 mm inside the object (100 %) of 4 boxes" in done.parts[0].claim

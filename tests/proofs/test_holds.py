@@ -358,5 +358,5 @@ def test_loads_that_no_forces_balance_up_to_a_cap(monkeypatch: pytest.MonkeyPatc
     done = holds._unbalanced(saved, "turn")
     assert done.ok
     assert re.fullmatch(r"no forces at the contacts balance turn, up to virtual motions of \d\.\d+e\+16 N", done.claim)
-    monkeypatch.setattr(holds.answers, "FAR", 1e20)
+    monkeypatch.setattr(holds.answers, "COMPLETE_CAP", 1e20)
     assert "it is proved for motions up to" in holds._unbalanced(saved, "turn").reason

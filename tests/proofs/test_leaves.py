@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from flint import fmpq_mat
 
-from handfast.proofs.cases import CLOSED, HALF, LOCKED, OPEN
+from handfast.proofs.cases import CLOSED, HALF_TURN, LOCKED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Mask
 from handfast.proofs.kinds import Row
 from handfast.proofs.leaves import CitedRows, LeafSystems, _compact, _inverse, _pivots, exact_margin
-from handfast.proofs.question import LARGEST
+from handfast.proofs.question import LARGEST_GOAL
 from handfast.proofs.rows import LeafRows, row_values, zeros
 from tests.support.proof_states import contact, pinch, question, unit
 
@@ -102,7 +102,9 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
         ]
     actuators = [{"name": j["name"], "joints": {j["name"]: 0.5}} for j in joints]
     of_hand = {"joints": joints} | ({"mechanism": {"actuators": actuators}} if family == "geared" else {})
-    q = question(contacts, [0, 0, 1, 0, 0, 0], LARGEST, **of_hand, direction=[1, 0, 0, 0, 0, 0], preload={"j0": 1.0})
+    q = question(
+        contacts, [0, 0, 1, 0, 0, 0], LARGEST_GOAL, **of_hand, direction=[1, 0, 0, 0, 0, 0], preload={"j0": 1.0}
+    )
     kinds = [k for k in Row if k <= (Row.DN_UP if planar else Row.E_DOWN)]
     turns = [Row.TURN_UP, Row.SOFT_TANGENT]
     about, cases = [], np.zeros((40, q.grasp.m + q.actuators, 3), dtype=np.int64)
@@ -115,7 +117,7 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
         about += [(leaf, rng.choice(turns), k) for k in some if k < 2 and family == "soft" and rng.random() < 0.2]
     leaf, kind, index = np.array(about, dtype=np.int64).T
     index = np.where(kind >= Row.T_UP, index % q.actuators, index)
-    a, b = np.sort(rng.integers(0, HALF, size=(2, len(kind))), axis=0)
+    a, b = np.sort(rng.integers(0, HALF_TURN, size=(2, len(kind))), axis=0)
     value, right = row_values(q, (1.0, 2.0), LeafRows(kind, index, a, b, leaf, np.zeros((0, 5))))
     start = np.append(0, np.cumsum(np.bincount(leaf, minlength=len(cases))))
     none, y = np.zeros(len(kind), dtype=bool), rng.uniform(0.1, 1.0, len(kind))
@@ -311,7 +313,7 @@ def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin
 
     In floating point and in rational numbers. energy: of the first row. first: is the second the scalar's first end?
     """
-    q = pinch([0] * 6, goal=LARGEST, direction=[1, 0, 0, 0, 0, 0])
+    q = pinch([0] * 6, goal=LARGEST_GOAL, direction=[1, 0, 0, 0, 0, 0])
     made = equations_of(q)
     n = made.columns.n
     value, none = np.zeros((2, n + len(made.Z))), np.zeros(2, dtype=bool)

@@ -212,7 +212,7 @@ def test_a_bound_says_nothing_of_paths_that_move_farther(monkeypatch: pytest.Mon
     path = read_path(saved("sought"))
     assert path.reached == 1.0
     assert replace(path, steps=()).reached == -np.inf
-    monkeypatch.setattr(path_steps, "REACH", 1.0)  # 1.2 N is more than the load of 0.6 N
+    monkeypatch.setattr(path_steps, "STATE_REACH", 1.0)  # 1.2 N is more than the load of 0.6 N
     assert re.search(r"its path moves by 1.2\d* N, of which its bound says nothing$", replay(path).fault)
 
 

@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast.proofs.question import CHECK, GOALS, LARGEST, MAX_ETA, SMALLEST_PRELOAD, TORQUES, Question, read_question
+from handfast.proofs.question import (
+    CHECK,
+    GOALS,
+    LARGEST_GOAL,
+    MAX_ETA,
+    SMALLEST_PRELOAD,
+    TORQUES,
+    Question,
+    read_question,
+)
 from tests.support.refused import refused
 from tests.support.small_grasp import small_grasp
 
@@ -18,7 +27,7 @@ NONE = np.zeros(6).tolist()
 
 def asked(goal: str = CHECK, grasp: dict[str, Any] | None = None, **fields: Any) -> dict[str, Any]:
     """A question as files state it. The small grasp: pull is a tendon with 3, push has -0.75, back is backdrivable."""
-    needs = {"direction": D} if goal in (LARGEST, SMALLEST_PRELOAD) else {}
+    needs = {"direction": D} if goal in (LARGEST_GOAL, SMALLEST_PRELOAD) else {}
     return {
         "grasp": grasp or small_grasp(),
         "goal": goal,
@@ -47,7 +56,7 @@ def lawless() -> dict[str, Any]:
 
 def test_goals() -> None:
     assert GOALS == ("check", "smallest preload", "largest", "torques")
-    assert (CHECK, SMALLEST_PRELOAD, LARGEST, TORQUES) == GOALS
+    assert (CHECK, SMALLEST_PRELOAD, LARGEST_GOAL, TORQUES) == GOALS
     assert pytest.approx(np.pi / 4) == MAX_ETA
 
 
@@ -75,7 +84,7 @@ def test_defaults() -> None:
     assert q.sought.tolist() == [False, False, False]
     empty = question(direction=None, force_limit=None)
     assert (empty.direction.tolist(), empty.force_limit) == (NONE, INF)
-    assert question(LARGEST).direction.tolist() == D
+    assert question(LARGEST_GOAL).direction.tolist() == D
     small = question(force_limit=0.5, torque_limits={"push": 0.25})
     assert (small.force_limit, dict(small.torque_limits)) == (0.5, {"push": 0.25})
 
@@ -85,7 +94,7 @@ def test_defaults() -> None:
     [
         (CHECK, False, False, False),
         (SMALLEST_PRELOAD, True, True, False),
-        (LARGEST, True, False, False),
+        (LARGEST_GOAL, True, False, False),
         (TORQUES, True, False, True),
     ],
 )
@@ -111,7 +120,7 @@ Z2, Z5, Z4 = NONE, [0.0] * 5, [0.0] * 4
     [
         (CHECK, (W, NONE, COMMANDS, Z5, GIVEN, Z4)),
         (SMALLEST_PRELOAD, (D, NONE, Z5, COMMANDS, Z4, GIVEN)),
-        (LARGEST, (W, D, COMMANDS, Z5, GIVEN, Z4)),
+        (LARGEST_GOAL, (W, D, COMMANDS, Z5, GIVEN, Z4)),
         (TORQUES, (W, NONE, Z5, Z5, GIVEN, Z4)),
     ],
 )
@@ -203,15 +212,15 @@ def test_soft_fingers() -> None:
 def test_claims() -> None:
     scalar = (0.25, 2.0)
     assert question(CHECK).claim(None) == "the disturbance is not resisted"
-    assert question(LARGEST).claim(scalar) == "0.25 to 2 times the direction is not resisted"
+    assert question(LARGEST_GOAL).claim(scalar) == "0.25 to 2 times the direction is not resisted"
     assert question(SMALLEST_PRELOAD).claim(scalar) == "the direction is not resisted with 0.25 to 2 times the preload"
     assert question(TORQUES).claim(scalar) == "no commands of 0.25 to 2 suffice"
     assert question(TORQUES).claim((1 / 3, INF)) == "no commands of 0.333333 to inf suffice"
 
 
 def test_magnitudes() -> None:
-    assert question(LARGEST).magnitudes((0.25, 2.0)) == (0.25, 2.0)
-    assert question(LARGEST).magnitudes((-1.0, 0.0)) == (-1.0, 0.0)
+    assert question(LARGEST_GOAL).magnitudes((0.25, 2.0)) == (0.25, 2.0)
+    assert question(LARGEST_GOAL).magnitudes((-1.0, 0.0)) == (-1.0, 0.0)
     assert question(CHECK).magnitudes(None) == (0.0, 0.0)
     preload = question(SMALLEST_PRELOAD)  # a share s of the preload is a magnitude of 1 / s
     assert preload.magnitudes((0.25, 2.0)) == (0.5, 4.0)
@@ -234,21 +243,21 @@ def test_magnitudes() -> None:
         ({"wrench": [1, 2]}, "wrench", "has 2 numbers; 6 are needed"),
         ({"direction": D}, "direction", "has no meaning where the goal is 'check'"),
         ({"goal": TORQUES, "direction": D}, "direction", "has no meaning where the goal is 'torques'"),
-        ({"goal": LARGEST}, "direction", "is needed where the goal is 'largest'"),
-        ({"goal": LARGEST, "direction": None}, "direction", "is needed where the goal is 'largest'"),
+        ({"goal": LARGEST_GOAL}, "direction", "is needed where the goal is 'largest'"),
+        ({"goal": LARGEST_GOAL, "direction": None}, "direction", "is needed where the goal is 'largest'"),
         (
             {"goal": SMALLEST_PRELOAD, "wrench": NONE},
             "direction",
             "is needed where the goal is 'smallest preload'",
         ),
-        ({"goal": LARGEST, "direction": [1]}, "direction", "has 1 numbers; 6 are needed"),
+        ({"goal": LARGEST_GOAL, "direction": [1]}, "direction", "has 1 numbers; 6 are needed"),
         (
-            {"goal": LARGEST, "direction": NONE},
+            {"goal": LARGEST_GOAL, "direction": NONE},
             "direction",
             "is zero: nothing is asked; a force, a torque or both are needed",
         ),
         (
-            {"goal": LARGEST, "direction": NONE, "wrench": NONE},
+            {"goal": LARGEST_GOAL, "direction": NONE, "wrench": NONE},
             "direction",
             "is zero: nothing is asked; a force, a torque or both are needed",
         ),
@@ -298,7 +307,7 @@ def test_what_is_missing(name: str) -> None:
 def test_a_share_of_the_preload_has_no_base_load_and_no_limits(fields: dict[str, Any]) -> None:
     with refused("'smallest preload' knows no base load and no limits", "question.goal"):
         question(SMALLEST_PRELOAD, **fields)
-    assert question(LARGEST, **fields).goal == LARGEST
+    assert question(LARGEST_GOAL, **fields).goal == LARGEST_GOAL
 
 
 def test_uncertain_normals() -> None:

@@ -11,7 +11,7 @@ import pytest
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs.fields import BadFile
 from handfast.proofs.grasp import read_grasp
-from handfast.proofs.ranges import DEGREE, Arc, known, least_scale, merged
+from handfast.proofs.ranges import MAX_ARC_DEGREE, Arc, known, least_scale, merged
 from tests.support.exact_states import data
 from tests.support.small_grasp import small_grasp
 
@@ -197,14 +197,14 @@ def arc(first: float, last: float, controls: int) -> Arc:
         (-0.5, 1, 2, "goes from -0.5 to 1"),
         (0, INF, 2, "goes from 0 to inf"),
         (0, 1, 1, "has 1 controls"),
-        (0, 1, DEGREE + 2, "has 14 controls"),
+        (0, 1, MAX_ARC_DEGREE + 2, "has 14 controls"),
     ],
 )
 def test_what_is_no_arc(first: float, last: float, controls: int, why: str) -> None:
     with pytest.raises(BadFile, match=why):
         arc(first, last, controls)
     assert len(arc(0, 0.5, 2).controls) == 2
-    assert len(arc(0.5, 1, DEGREE + 1).controls) == 13
+    assert len(arc(0.5, 1, MAX_ARC_DEGREE + 1).controls) == 13
 
 
 def test_the_least_scale_between_two_loads_by_hand() -> None:

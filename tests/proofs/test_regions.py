@@ -10,7 +10,7 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Interval
-from handfast.proofs.regions import DEGREE, ContactSide, read_region
+from handfast.proofs.regions import MAX_PATCH_DEGREE, ContactSide, read_region
 
 
 def bent(rows: int, columns: int, seed: int) -> list[Any]:
@@ -136,7 +136,8 @@ def test_what_is_no_region(kind: int, change: dict[str, Any], why: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "columns", "good"), [(1, 2, False), (2, 1, False), (2, DEGREE + 1, True), (2, DEGREE + 2, False)]
+    ("rows", "columns", "good"),
+    [(1, 2, False), (2, 1, False), (2, MAX_PATCH_DEGREE + 1, True), (2, MAX_PATCH_DEGREE + 2, False)],
 )
 def test_patches_have_two_points_and_no_more_than_are_possible(rows: int, columns: int, good: bool) -> None:
     points = Fields({"bezier": np.ones((rows, columns, 3)).tolist()})

@@ -10,7 +10,7 @@ from handfast.proofs.cases import (
     BELOW,
     CLOSED,
     FREE,
-    HALF,
+    HALF_TURN,
     HIGH,
     LOCKED,
     LOW,
@@ -21,13 +21,13 @@ from handfast.proofs.cases import (
     UNDECIDED,
 )
 from handfast.proofs.equations import equations_of
-from handfast.proofs.question import CHECK, LARGEST, SMALLEST_PRELOAD, TORQUES
+from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES
 from handfast.proofs.rows import (
+    CONE_WIDENING,
+    MAX_CHORD_SECTOR,
     OF_ACTUATOR,
     OF_CONTACT,
-    TURN,
-    WIDER,
-    WIDEST,
+    TURN_DIRECTIONS,
     Columns,
     LeafRows,
     Row,
@@ -48,7 +48,7 @@ FAMILIES = {
     "check with eta": {"goal": CHECK, "eta": 0.3},
     "soft fingers": {"goal": CHECK, "soft": True},
     "smallest preload": {"goal": SMALLEST_PRELOAD},
-    "largest": {"goal": LARGEST},
+    "largest": {"goal": LARGEST_GOAL},
     "torques": {"goal": TORQUES},
     "sum of torques": {"goal": TORQUES, "sums": True, "eta": 0.1},
 }
@@ -74,11 +74,15 @@ def every_row(q, cases, rng, references):
         count = len(references) if kind == Row.ENERGY else count
         for index in range(count):
             state = cases[0, index] if OF_CONTACT[kind] else np.zeros(3, dtype=int)
-            own = [(state[1], state[2]), (state[1] - TURN, state[2] - TURN), (state[2] - HALF, state[1] + HALF)]
-            a, b = np.sort(rng.integers(-TURN, TURN, size=2))
+            own = [
+                (state[1], state[2]),
+                (state[1] - TURN_DIRECTIONS, state[2] - TURN_DIRECTIONS),
+                (state[2] - HALF_TURN, state[1] + HALF_TURN),
+            ]
+            a, b = np.sort(rng.integers(-TURN_DIRECTIONS, TURN_DIRECTIONS, size=2))
             if kind in (Row.SOFT_CHORD, Row.C_SIDE, Row.D_SIDE):
                 own = [(state[1] >> k, side) for k in range(4) for side in (-1, 0, 1, 2, 3)]
-            made += [(kind, index, *ends) for ends in (*own, (a, b), (a, a + HALF // 2))]
+            made += [(kind, index, *ends) for ends in (*own, (a, b), (a, a + HALF_TURN // 2))]
     kind, index, a, b = np.array(made, dtype=np.int64).T
     return LeafRows(kind, index, a, b, np.zeros(len(kind), dtype=np.int64), references)
 
@@ -125,7 +129,7 @@ def alone(q, kind, index=0, a=0, b=0, references=((),), scalar=None):
     return value[0], right[0]
 
 
-QUARTER = TURN // 4
+QUARTER = TURN_DIRECTIONS // 4
 
 
 def test_coefficients_of_a_contact_by_hand():
@@ -158,7 +162,7 @@ def test_coefficients_of_a_contact_by_hand():
         assert value == pytest.approx(wanted, abs=2e-12), kind.name
         assert right == 0
     gives_way = alone(q, Row.TANGENT, 0, 0, QUARTER)[0][c], alone(q, Row.CHORD, 0, 0, QUARTER)[0][c]
-    assert gives_way == (0.5 * (1 + WIDER), -0.5 * (0.5 - WIDER))
+    assert gives_way == (0.5 * (1 + CONE_WIDENING), -0.5 * (0.5 - CONE_WIDENING))
     second = alone(q, Row.CN_UP, 1)[0]
     assert second[c + 3] == 1
     assert np.abs(second).sum() == 1
@@ -166,7 +170,7 @@ def test_coefficients_of_a_contact_by_hand():
 
 def test_sectors_of_half_a_turn_have_sides_but_no_chord():
     q = pinch([0, 0, -1, 0, 0, 0], eta=0.1)
-    for width, fine in ((WIDEST - 1, True), (WIDEST, False), (HALF - 1, False)):
+    for width, fine in ((MAX_CHORD_SECTOR - 1, True), (MAX_CHORD_SECTOR, False), (HALF_TURN - 1, False)):
         cases = np.array([[[SLIDE, 7, 7 + 10], [OPEN, 7, 7 + 10]]])
         for kind, index in ((Row.CHORD, 0), (Row.GAP_UP, 0), (Row.DN_UP, 1)):
             some = LeafRows(*(np.array([x]) for x in (int(kind), index, 0, width, 0)), np.zeros((0, 3)))
@@ -337,7 +341,7 @@ def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said()
 
     assert fine(driven_question(CHECK), None, 0.0)
     assert not fine(driven_question(CHECK, mdp=False), None, 0.0)
-    assert not fine(driven_question(LARGEST, **direction), (0.0, 1.0), 1.0)
+    assert not fine(driven_question(LARGEST_GOAL, **direction), (0.0, 1.0), 1.0)
     assert not fine(driven_question(TORQUES, driven=["a"]), (0.0, 1.0), 1.0)
     joints = [{"name": "a", "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]}]
     preload = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=joints, preload={"a": 1.0}, **direction)
@@ -368,13 +372,19 @@ def test_kinds_and_indices_that_are_none():
 
 
 def test_directions_turn_by_quarters_exactly():
-    k = np.arange(0, TURN, TURN // 4 + 12345)
+    k = np.arange(0, TURN_DIRECTIONS, TURN_DIRECTIONS // 4 + 12345)
     U = directions(k)
     assert np.array_equal(directions(k + QUARTER), np.column_stack([-U[:, 1], U[:, 0]]))
-    assert np.array_equal(directions(k + HALF), -U)
-    assert np.array_equal(directions(k - TURN), U)
+    assert np.array_equal(directions(k + HALF_TURN), -U)
+    assert np.array_equal(directions(k - TURN_DIRECTIONS), U)
     assert directions(np.array([0]))[0].tolist() == [1, 0]
-    assert pytest.approx(np.column_stack([np.cos(k * 2 * np.pi / TURN), np.sin(k * 2 * np.pi / TURN)]), abs=1e-15) == U
+    assert (
+        pytest.approx(
+            np.column_stack([np.cos(k * 2 * np.pi / TURN_DIRECTIONS), np.sin(k * 2 * np.pi / TURN_DIRECTIONS)]),
+            abs=1e-15,
+        )
+        == U
+    )
 
 
 def test_unknowns_that_are_zero():

@@ -17,7 +17,7 @@ import pytest
 from handfast.proofs.fields import BadFile
 from handfast.proofs.pose_by_pose import impossible_at_every_pose
 from handfast.proofs.replay import Replay
-from handfast.proofs.synthesis import COURSE, NAMES, replay
+from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE, replay
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.task_file import load_task
 from tests.support.holds import LARGE, grip, pinch, turned
@@ -64,7 +64,7 @@ def test_what_is_proved_of_configurations() -> None:
     assert done.ok, done.reason
     assert [part.name for part in done.parts] == ["configuration 0", "configuration 1", "spread"]
     assert list(done.replayed) == ["an exact one exists in its box"] * 2
-    assert done.not_replayed == (COURSE, NAMES)
+    assert done.not_replayed == (SYNTHESIS_COURSE, NAMES_CLAIM)
     figures = done.parts[0].figures
     assert 0 < figures["gap"] < 1e-12
     assert figures["contraction"] + figures["step"] < 1
@@ -72,7 +72,7 @@ def test_what_is_proved_of_configurations() -> None:
 
 def test_what_is_proved_of_none() -> None:
     done = replay(changed("none", same))
-    assert (done.ok, done.not_replayed) == (True, (COURSE, NAMES))
+    assert (done.ok, done.not_replayed) == (True, (SYNTHESIS_COURSE, NAMES_CLAIM))
     assert list(done.replayed) == ["contacts 0 and 1 exclude each other, by 1 box of the checker's own"]
     assert done.parts == (Replay("none", *done.replayed, "", {"boxes": 1}),)
 
@@ -81,7 +81,7 @@ def test_nothing_is_claimed_of_an_undecided_answer() -> None:
     done = replay(changed("undecided", same))
     assert (done.ok, done.parts) == (True, ())
     assert "% of the space holds no configuration: the boxes that were discarded are not kept" in done.not_replayed[0]
-    assert done.not_replayed[1:] == (COURSE, NAMES)
+    assert done.not_replayed[1:] == (SYNTHESIS_COURSE, NAMES_CLAIM)
 
 
 def of_poses(name: str, boxes: int, monkeypatch: pytest.MonkeyPatch) -> Replay:
@@ -94,7 +94,7 @@ def of_poses(name: str, boxes: int, monkeypatch: pytest.MonkeyPatch) -> Replay:
 
 def test_what_is_proved_of_none_pose_by_pose(monkeypatch: pytest.MonkeyPatch) -> None:
     done = of_poses("turned", 5000, monkeypatch)
-    assert (done.ok, done.not_replayed) == (True, (COURSE, NAMES))
+    assert (done.ok, done.not_replayed) == (True, (SYNTHESIS_COURSE, NAMES_CLAIM))
     claim = r"all contacts, pose by pose exclude each other, by \d+ boxes of the checker's own"
     assert re.fullmatch(claim, done.parts[0].claim)
 

@@ -11,7 +11,16 @@ import pytest
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import Question, read_question
-from handfast.proofs.tolerance import ENDLESS, FAR, drives, farthest, load_scale, motion_size, size_of, slack_units
+from handfast.proofs.tolerance import (
+    COMPLETE_CAP,
+    UNBOUNDED_FACTOR,
+    drives,
+    farthest,
+    load_scale,
+    motion_size,
+    size_of,
+    slack_units,
+)
 from tests.support.exact_states import data
 from tests.support.small_grasp import small_grasp
 
@@ -84,7 +93,7 @@ def quiet(**commands: float) -> dict[str, Any]:
 
 
 def test_constants() -> None:
-    assert (ENDLESS, FAR) == (1e3, 1e4)
+    assert (UNBOUNDED_FACTOR, COMPLETE_CAP) == (1e3, 1e4)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.regions import RegionData, read_region
 from handfast.proofs.replay import Replay
-from handfast.proofs.tolerance import LEAST
+from handfast.proofs.tolerance import MIN_FORCE_SCALE
 from handfast.proofs.unbalanced import BoxBounds, Motions, Placements, _positive, down, replay_unbalanced
 from handfast.readers.region_file import region_to_dict
 from tests.support.holds import square
@@ -108,7 +108,7 @@ def test_loads_may_be_summed() -> None:
 
 
 def test_nothing_is_shown_of_loads_that_are_too_small() -> None:
-    for size, ok in ((0.1 * LEAST, False), (1e3 * LEAST, True)):
+    for size, ok in ((0.1 * MIN_FORCE_SCALE, False), (1e3 * MIN_FORCE_SCALE, True)):
         assert replayed(jaws(), {"w": size * weight(FAR)}, of_line(1, 0)).ok == ok
 
 

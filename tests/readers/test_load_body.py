@@ -232,7 +232,7 @@ def test_sizes_pieces_and_long_work_are_told(
     load_body(obj(tmp_path / "b.obj", ([0, 0, 0], [20, 40, 60])))
     assert told.messages == ["b.obj: is 60 m long; a mesh in millimetres needs the scale 0.001"]
     told.clear()
-    monkeypatch.setattr("handfast.model.mesh_pieces.MANY", 1)
+    monkeypatch.setattr("handfast.model.mesh_pieces.MAX_PIECES", 1)
     load_body(obj(tmp_path / "b.obj", ([0, 0, 0], [1, 1, 1]), ([2, 0, 0], [3, 1, 1])))
     assert told.messages == ["b.obj: has 2 convex pieces, each of which is compared with each solid of a hand"]
     told.clear()
@@ -264,7 +264,7 @@ def scrambled(path: Path) -> Path:
 
 
 def test_a_surface_that_cuts_itself_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("handfast.model.mesh_pieces.SECONDS", 1)
+    monkeypatch.setattr("handfast.model.mesh_pieces.COACD_SECONDS", 1)
     told = r"b\.obj: cannot be taken apart into convex pieces; .* \(CoACD (takes more than|is not done after)"
     with pytest.raises(InputError, match=told):
         load_body(scrambled(tmp_path / "b.obj"), scale=0.05)

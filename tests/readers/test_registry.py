@@ -50,7 +50,7 @@ def test_a_format_is_added_by_an_entry(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setitem(registry.MESHES, ".tet", f"{here}:read_tetrahedron")
     monkeypatch.setitem(registry.MESHES, ".none", f"{here}:read_nothing")
     monkeypatch.setitem(registry.OBJECTS, ".ball", f"{here}:read_ball")
-    monkeypatch.setitem(registry.HANDS, "jaws", f"{here}:read_jaw")
+    monkeypatch.setitem(registry.HAND_READERS, "jaws", f"{here}:read_jaw")
     monkeypatch.setitem(registry.CONFIGURATIONS, ".place", f"{here}:read_place")
     files = {ending: tmp_path / f"a.{ending}" for ending in ("tet", "none", "ball", "hand", "place")}
     for file in files.values():

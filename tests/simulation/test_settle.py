@@ -16,7 +16,7 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.shape import Shape
-from handfast.simulation.drag_step import STICK, StepProblem, drag_step
+from handfast.simulation.drag_step import STICK_MOTION, StepProblem, drag_step
 from handfast.simulation.settled import Rest, Settled, verdict_of
 from handfast.simulation.settling import LOADS, GraspInScene, settle
 from handfast.simulation.slow_motion import touch_points
@@ -60,7 +60,7 @@ def test_a_step_slides_by_what_friction_leaves() -> None:
 
 def test_a_step_sticks_below_friction_and_takes_the_force_up() -> None:
     x, _ = drag_step(floor(0.29, 0.3), 100.0, np.zeros(3), np.zeros(1))
-    assert 0 < x[1] < STICK
+    assert 0 < x[1] < STICK_MOTION
 
 
 def test_what_was_pressed_in_presses_out() -> None:

@@ -12,10 +12,10 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.readers.grasp_file import load_grasp
-from handfast.simulation.result import EVIDENT, LOST, REST, SLIP, Ending, judge
+from handfast.simulation.result import EVIDENT, LOST_DISTANCE, REST_RATE, SLIP, Ending, judge
 from handfast.simulation.simulate import force_unit, simulate
 from handfast.simulation.stepper import Stepper
-from handfast.simulation.twin import DRAG_TIME, STIFFNESS
+from handfast.simulation.twin import DRAG_TIME, TWIN_STIFFNESS
 from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin
 
 QUICK = {"ramp": 1.0}
@@ -72,7 +72,7 @@ def test_every_contact_is_as_stiff_as_said() -> None:
     """The force unit presses a contact in by 1 / STIFFNESS grasp sizes."""
     found = simulate(pinch(0.5), [3, 0, 0], **QUICK)
     # from touching at 0 to 3 N, the unit, on the driven side alone
-    expected = found.grasp.size / STIFFNESS
+    expected = found.grasp.size / TWIN_STIFFNESS
     assert found.shift[-1, 0] + found.joints[-1, 0] == pytest.approx(expected, rel=0.02)
 
 
@@ -244,22 +244,22 @@ def test_a_load_too_small_to_be_seen_is_not_said_to_be_held() -> None:
 
 def test_endings() -> None:
     quiet = {"fastest": 0.0, "moved": 0.0, "yielded": 1e-5, "broken": False}
-    assert judge(REST / 2, **quiet) is Ending.HOLDS
-    assert judge((REST + SLIP) / 2, **quiet) is Ending.UNDECIDED
-    assert judge((REST + SLIP) / 2, **quiet, creeping=True) is Ending.HOLDS
+    assert judge(REST_RATE / 2, **quiet) is Ending.HOLDS
+    assert judge((REST_RATE + SLIP) / 2, **quiet) is Ending.UNDECIDED
+    assert judge((REST_RATE + SLIP) / 2, **quiet, creeping=True) is Ending.HOLDS
     assert judge(2 * SLIP, **quiet, creeping=True) is Ending.SLIPS
     assert judge(2 * SLIP, **quiet) is Ending.SLIPS
-    assert judge(REST / 2, **quiet | {"fastest": 2 * EVIDENT, "moved": 1e-3}) is Ending.SETTLES
-    assert judge(REST / 2, **quiet | {"fastest": 2 * EVIDENT, "moved": 2e-5}) is Ending.HOLDS
-    assert judge(REST / 2, **quiet, faint=True) is Ending.UNDECIDED
-    assert judge(0.0, **quiet | {"moved": 2 * LOST}) is Ending.SLIPS
+    assert judge(REST_RATE / 2, **quiet | {"fastest": 2 * EVIDENT, "moved": 1e-3}) is Ending.SETTLES
+    assert judge(REST_RATE / 2, **quiet | {"fastest": 2 * EVIDENT, "moved": 2e-5}) is Ending.HOLDS
+    assert judge(REST_RATE / 2, **quiet, faint=True) is Ending.UNDECIDED
+    assert judge(0.0, **quiet | {"moved": 2 * LOST_DISTANCE}) is Ending.SLIPS
     assert judge(0.0, **quiet | {"broken": True}) is Ending.ILL_POSED
 
 
 def test_the_engines_own_creep_is_told_from_a_slip() -> None:
     """The grasp creeps faster than what rests in the pinch; ten times softer friction creeps ten times as fast."""
     found = simulate(load_grasp("barrett-mallet"), [20.0, 0, 0], ramp=2.0)
-    assert found.rate / found.grasp.size > REST
+    assert found.rate / found.grasp.size > REST_RATE
     assert found.ending in (Ending.HOLDS, Ending.SETTLES)
 
 

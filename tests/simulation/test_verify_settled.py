@@ -10,7 +10,7 @@ import pytest
 
 from handfast.proofs.fields import BadFile
 from handfast.readers.grasp_file import to_dict
-from handfast.simulation.settled import OF_PATH, replay_settled
+from handfast.simulation.settled import COURSE_NOT_REPLAYED, replay_settled
 from handfast.stability.studies.ask_again import NO_TIME, Asking
 from tests.support.problems import pinch
 
@@ -35,7 +35,7 @@ def test_it_is_proved_but_for_its_path() -> None:
         ("first", "what is said of the first grasp under its load: 1 claim"),
         ("last", "what is said of the last grasp under its load: 3 claims"),
     ]
-    assert OF_PATH in done.not_replayed
+    assert COURSE_NOT_REPLAYED in done.not_replayed
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import numpy as np
 from handfast.proofs.cases import CLOSED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.question import Question
-from handfast.proofs.rows import TURN, Row
+from handfast.proofs.rows import TURN_DIRECTIONS, Row
 from tests.support.proof_states import contact, question
 
-UP = TURN // 4  # the direction of +c_t2, which is -y at both walls
+UP = TURN_DIRECTIONS // 4  # the direction of +c_t2, which is -y at both walls
 NODES = [(-1, 0, 0, 0, 0), (0, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0), (2, 1, OPEN, 0, 0), (2, 1, CLOSED, 0, 0)]
 MU = 0.5
 ALONE = [[(Row.TANGENT, 1, UP, 0, 1.0)], [(Row.TANGENT, 0, UP, 0, 1.0)]]

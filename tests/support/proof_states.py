@@ -16,7 +16,7 @@ from handfast.proofs.cases import (
     BELOW,
     CLOSED,
     FREE,
-    HALF,
+    HALF_TURN,
     HIGH,
     LOCKED,
     LOW,
@@ -27,8 +27,8 @@ from handfast.proofs.cases import (
     UNDECIDED,
 )
 from handfast.proofs.grasp import read_grasp
-from handfast.proofs.question import CHECK, LARGEST, SMALLEST_PRELOAD, TORQUES, Question, read_question
-from handfast.proofs.rows import TURN, Columns
+from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES, Question, read_question
+from handfast.proofs.rows import TURN_DIRECTIONS, Columns
 
 KINDS = "open", "stick", "slide"
 
@@ -124,7 +124,7 @@ def drawn(
     t[[1, 3]] = 0.0
     sense = np.where(t < 0, -1.0, 1.0)  # actuator 3 is locked for good
     command = np.array([0.7, 0.4, 1.1, 0.0])
-    scalar = {CHECK: None, SMALLEST_PRELOAD: (0.5, 0.9), LARGEST: (-1.0, 2.0), TORQUES: (0.2, 6.0)}[goal]
+    scalar = {CHECK: None, SMALLEST_PRELOAD: (0.5, 0.9), LARGEST_GOAL: (-1.0, 2.0), TORQUES: (0.2, 6.0)}[goal]
     sigma = 0.0 if scalar is None else float(rng.uniform(*scalar)) if goal != TORQUES else 2.2 if sums else 1.1
     f = command * (sigma if goal == SMALLEST_PRELOAD else 1.0)
     f[1] += rng.uniform(0, 1)  # rests: more than its command
@@ -147,7 +147,7 @@ def drawn(
     asked: dict[str, Any] = {"grasp": grasp, "goal": goal, "wrench": w.tolist(), "eta": eta}
     if goal == SMALLEST_PRELOAD:
         asked |= {"direction": w.tolist(), "wrench": [0.0] * 6}
-    if goal == LARGEST:
+    if goal == LARGEST_GOAL:
         direction = rng.normal(size=6)
         asked |= {"direction": direction.tolist(), "wrench": (w - sigma * direction).tolist(), "force_limit": 50.0}
     if goal == TORQUES:
@@ -170,11 +170,11 @@ def case_of(state: Drawn, rng: np.random.Generator) -> np.ndarray:
     for i, kind in enumerate(state.kinds):
         d, c = state.motions[3 * i : 3 * i + 3], state.x[at.c][3 * i : 3 * i + 3]
         way = c[1:] if kind == "stick" else -d[1:]
-        place = int(np.floor(np.arctan2(way[1], way[0]) / (2 * np.pi) * TURN))
-        widest = HALF if rng.random() < 0.3 else HALF // 4
+        place = int(np.floor(np.arctan2(way[1], way[0]) / (2 * np.pi) * TURN_DIRECTIONS))
+        widest = HALF_TURN if rng.random() < 0.3 else HALF_TURN // 4
         left = place - int(rng.integers(2, widest - 2))
         sector = left, left + widest
-        sector = sector[0] - TURN * int(rng.integers(0, 2)), sector[1]
+        sector = sector[0] - TURN_DIRECTIONS * int(rng.integers(0, 2)), sector[1]
         sector = (sector[1] - widest, sector[1])
         point = q.soft_fingers[i] < 0
         cases = [(UNDECIDED, 0, 0)]
@@ -184,7 +184,7 @@ def case_of(state: Drawn, rng: np.random.Generator) -> np.ndarray:
             cases += [(CLOSED, 0, 0)] + ([(CLOSED, *sector)] if point else [])
         if kind == "stick":
             cases += [(STICK, 0, 0)] * 2 + ([(STICK, *sector)] if point else [])
-        if kind == "slide" and point and widest < HALF:
+        if kind == "slide" and point and widest < HALF_TURN:
             cases += [(SLIDE, *sector)] * 3
         if kind == "slide" and not point:
             slide = np.append(d[1:], state.motions[3 * m + q.actuators + 1 + i])

@@ -23,6 +23,6 @@ def solved(question, counted, node, work, points, cone):
 
 @inner
 def balanced(question, balance):
-    id = rows.ENERGY << rows.KIND
+    id = rows.ENERGY << rows.KIND_SHIFT
     balance.rhs[0] = row(id, question, balance.hi, balance.data, balance.row, balance.gradient)
     return 0

@@ -17,7 +17,7 @@ import pytest
 import handfast
 from handfast.core.answer import Reach
 from handfast.core.errors import InputError
-from handfast.proofs.synthesis import COURSE, NAMES
+from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
 from handfast.synthesis import synthesis_file
 from handfast.synthesis.embedded_task import digest, fingerprint, task_from_dict, task_to_dict
 from handfast.synthesis.query import synthesize
@@ -68,7 +68,7 @@ def test_what_was_replayed_is_said(found: Synthesis, undecided: Synthesis) -> No
     named = done.part("configuration 0")
     assert named is not None
     assert named.replayed == done.replayed
-    assert done.not_replayed == (COURSE, NAMES)
+    assert done.not_replayed == (SYNTHESIS_COURSE, NAMES_CLAIM)
     done = undecided.verify()
     assert done.replayed == ()
     assert re.fullmatch(r"\S+ % of the space holds no configuration: .* are not kept", done.not_replayed[0])
@@ -98,7 +98,7 @@ def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
     done = handfast.verify(tmp_path / "s.json")
     assert done.ok
     assert done.replayed == ("contacts 0 and 1 exclude each other, by 1 box of the checker's own",)
-    assert done.not_replayed == (COURSE, NAMES)
+    assert done.not_replayed == (SYNTHESIS_COURSE, NAMES_CLAIM)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_none_that_the_checker_does_not_show_is_refused(by: str, why: str) -> No
     done = replace(answer, searched=replace(answer.searched, by=by)).verify()
     assert not done.ok
     assert re.fullmatch(f"none: NONE rests on the search itself, ask it again: {why}", done.reason)
-    assert done.not_replayed == (done.reason.removeprefix("none: "), COURSE, NAMES)
+    assert done.not_replayed == (done.reason.removeprefix("none: "), SYNTHESIS_COURSE, NAMES_CLAIM)
     assert done.replayed == ()
 
 

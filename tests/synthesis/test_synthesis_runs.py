@@ -121,7 +121,7 @@ def test_none_only_if_the_prover_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
     Scripted.script, Scripted.asked = [False, False, True], []
     answer = synthesize(grip(OPEN), timeout=None)
     assert (answer.verdict, answer.nodes, answer.state) == (Reach.NONE, 30, {})
-    assert [a["seconds"] for a in Scripted.asked] == [0.0, query.TURN, 2 * query.TURN]
+    assert [a["seconds"] for a in Scripted.asked] == [0.0, query.FIRST_TURN_SECONDS, 2 * query.FIRST_TURN_SECONDS]
     Scripted.script, Scripted.asked = [False, False], []
     answer = synthesize(grip(OPEN), timeout=None, nodes=20)
     assert (answer.verdict, answer.stop, answer.state["prover"]) == (Reach.UNDECIDED, Stop.NODES, {"at": 20})
@@ -132,7 +132,7 @@ def test_none_only_if_the_prover_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_what_random_starts_find_ends_the_search_for_a_contradiction(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("handfast.synthesis.search.prover.Prover", Scripted)
-    monkeypatch.setattr(query, "FIRST", 0)
+    monkeypatch.setattr(query, "FIRST_BLOCKS", 0)
     Scripted.script, Scripted.asked = [False, False], []
     answer = synthesize(grip(0.05), timeout=None)
     assert (answer.verdict, answer.stop, len(Scripted.asked)) == (Reach.FOUND, Stop.COMPLETE, 1)

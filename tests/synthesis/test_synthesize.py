@@ -75,7 +75,7 @@ def test_a_candidate_that_cannot_be_proved_is_not_found(monkeypatch: pytest.Monk
     monkeypatch.setattr(Starts, "_find", hopeful)
     answer = synthesize(grip(0.05), timeout=None, nodes=1)
     assert (answer.verdict, answer.stop, answer.solutions) == (Reach.UNDECIDED, Stop.NODES, ())
-    assert answer.unproved == 3 * query.FIRST
+    assert answer.unproved == 3 * query.FIRST_BLOCKS
 
 
 def test_solutions_that_are_not_isolated_are_not_found() -> None:

@@ -21,7 +21,7 @@ from handfast.cli.options import Command, GraspOptions, is_number
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.libraries import patient_interrupt
 
-COMMANDS = {  # "module:class" of each; a module is imported when its command is asked for
+COMMAND_CLASSES = {  # "module:class" of each; a module is imported when its command is asked for
     "check": "questions:Check",
     "max": "questions:Max",
     "torques": "questions:LeastTorques",
@@ -72,7 +72,7 @@ Start with `handfast demo` or `handfast list`. SI units throughout; object frame
 
 def command(name: str) -> Any:
     """The class of a command, a `Command`."""
-    module, _, kind = COMMANDS[name].partition(":")
+    module, _, kind = COMMAND_CLASSES[name].partition(":")
     return getattr(import_module(f"handfast.cli.{module}"), kind)
 
 
@@ -127,19 +127,19 @@ def _drop_output() -> None:
 def parse(arguments: list[str]) -> Command:
     """The command that the arguments ask for, not yet run; `InputError` if they cannot be understood."""
     if not arguments:
-        raise InputError(f"give a command: {', '.join(COMMANDS)} (handfast --help tells more)")
+        raise InputError(f"give a command: {', '.join(COMMAND_CLASSES)} (handfast --help tells more)")
     name = arguments[0]
     if not name.startswith("-"):
-        if name not in COMMANDS:
-            raise unknown_name("command", name, COMMANDS)
+        if name not in COMMAND_CLASSES:
+            raise unknown_name("command", name, COMMAND_CLASSES)
         _check_options(name, arguments[1:])
     elif name not in ("-h", "--help"):
-        raise InputError(f"unknown option '{name}'; a command comes first: {', '.join(COMMANDS)}")
+        raise InputError(f"unknown option '{name}'; a command comes first: {', '.join(COMMAND_CLASSES)}")
 
     import tyro
 
-    asked = name in COMMANDS
-    kind: Any = command(name) if asked else reduce(lambda a, b: a | b, map(_listed, COMMANDS))
+    asked = name in COMMAND_CLASSES
+    kind: Any = command(name) if asked else reduce(lambda a, b: a | b, map(_listed, COMMAND_CLASSES))
     if asked and not {"--help", "-h"}.isdisjoint(arguments):
         _hide_absent_defaults(kind)
     said = io.StringIO()
@@ -165,7 +165,7 @@ def _listed(name: str) -> Any:
     """A command as the list of all has it: its name, and what its class says first, read without importing it."""
     import tyro
 
-    module, _, kind = COMMANDS[name].partition(":")
+    module, _, kind = COMMAND_CLASSES[name].partition(":")
     classes = ast.parse((Path(__file__).parent / f"{module}.py").read_bytes()).body
     about = next(ast.get_docstring(x) or "" for x in classes if isinstance(x, ast.ClassDef) and x.name == kind)
     line = " ".join(about.split("\n\n")[0].split())

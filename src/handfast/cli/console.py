@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from handfast.stability.problem.settings import Progress
 
 ANSWERED, REFUSED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
-LONG = 30  # letters of a cell beyond which it may be broken between words
-PATIENCE = 1.0  # [s] work shorter than this shows no progress
+WRAP_LETTERS = 30  # letters of a cell beyond which it may be broken between words
+PROGRESS_DELAY = 1.0  # [s] work shorter than this shows no progress
 
 
 def complain(message: str) -> int:
@@ -94,7 +94,7 @@ class Watch:
         self._show(text, None, None)
 
     def _show(self, text: str, done: int | None, total: int | None) -> None:
-        if not self._shows or self.seconds < PATIENCE:
+        if not self._shows or self.seconds < PROGRESS_DELAY:
             return
         if self._bar is None:
             # no refreshing thread: a solver may hold the interpreter, and workers are forked
@@ -146,7 +146,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str | Text]], whole: int
     grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
     for i, head in enumerate(heads):
         number = i > 0 and "[" in head and head not in ("force [N]", "position [mm]")
-        short = i < whole and all(len(str(row[i])) <= LONG for row in cells if i < len(row))
+        short = i < whole and all(len(str(row[i])) <= WRAP_LETTERS for row in cells if i < len(row))
         grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=short)
     for row in cells:
         grid.add_row(*row)

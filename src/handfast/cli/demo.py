@@ -25,11 +25,11 @@ from handfast.readers.load_hand import load_hand
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import check, force_map, maximum, torques
 
-HAND, CONFIGURATION = "barrett-bh8-280", "fig1"
-SMALL, LARGE = 2.2, 2.5  # [N] the paper's two disturbances in y, one on each side of the limit
-DIRECTIONS = 72  # of the map
-PATIENCE = 3.0  # [s] for a direction of the map; it is drawn as not decided if that was too short
-FILES = ("report.html", "map.png", "grasp.json")
+DEMO_HAND, CONFIGURATION = "barrett-bh8-280", "fig1"
+SMALL_LOAD, LARGE_LOAD = 2.2, 2.5  # [N] the paper's two disturbances in y, one on each side of the limit
+DEMO_DIRECTIONS = 72  # of the map
+DIRECTION_TIMEOUT = 3.0  # [s] for a direction of the map; it is drawn as not decided if that was too short
+DEMO_FILES = ("report.html", "map.png", "grasp.json")
 
 
 @dataclass(kw_only=True)
@@ -43,14 +43,14 @@ class Demo(Command):
 
     def run(self) -> int:
         check_folder(self.output)
-        for name in FILES:
+        for name in DEMO_FILES:
             check_writable(self.output / name, self.force, (Path(name).suffix,))
         out, settings, y = console.out(), Settings(), np.eye(6)[1]
         with console.watch("demo"):
             grasp, meshes = build()
         _say(out, "Grasp", f"{grasp.name}: {words.grasp_text(grasp)}; preload {words.preload_text(grasp)}")
         entries: list[Entry] = []
-        for force in (SMALL, LARGE):
+        for force in (SMALL_LOAD, LARGE_LOAD):
             with console.watch("check") as watch:
                 checked = check(grasp, force * y, settings=settings, on_progress=watch.step)
             load = words.load_text(force * y)
@@ -60,16 +60,16 @@ class Demo(Command):
             largest = maximum(grasp, y, settings=settings, on_progress=watch.step)
         entries.append(Entry("How much force along +y does it resist?", largest, direction=list(y)))
         _say(out, "Max", sentences.max_sentence(largest, y))
-        half = 0.5 * largest.lower * y if largest.lower > 0 else SMALL * y
+        half = 0.5 * largest.lower * y if largest.lower > 0 else SMALL_LOAD * y
         load = words.load_text(half)
         with console.watch("torques") as watch:
             best = torques(grasp, half, settings=settings, on_progress=watch.step)
         entries.append(Entry(f"Which commands resist {load}?", best))
         _say(out, "Torques", sentences.torques_sentence(best, load))
-        limited = replace(settings, timeout=PATIENCE)
+        limited = replace(settings, timeout=DIRECTION_TIMEOUT)
         with console.watch("map") as watch:
-            drawn = force_map(grasp, "xy", steps=DIRECTIONS, settings=limited, on_progress=watch.item)
-        entries.append(Entry(f"Which of {DIRECTIONS} directions of force in the xy plane does it resist?", drawn))
+            drawn = force_map(grasp, "xy", steps=DEMO_DIRECTIONS, settings=limited, on_progress=watch.item)
+        entries.append(Entry(f"Which of {DEMO_DIRECTIONS} directions of force in the xy plane does it resist?", drawn))
         named = zip(("locked", "preloaded"), drawn.curves, strict=False)
         _say(out, "Map", "; ".join(f"{name}: {_resisted(sentences.curve_states(c))}" for name, c in named))
 
@@ -88,7 +88,7 @@ def build() -> tuple[Grasp, list[Mesh]]:
     One motor per joint, as in the paper: joints without a command, the distal ones, are locked.
     """
     placed = load_placed(CONFIGURATION)
-    hand, q = placed.applied(load_hand(placed.hand or HAND))
+    hand, q = placed.applied(load_hand(placed.hand or DEMO_HAND))
     body = load_body(placed.object or CONFIGURATION)
     grasp = contact_grasp(hand, q, body, placed.pose, preload=placed.preload, mechanism="direct", name=CONFIGURATION)
     grasp = grasp.from_configuration(CONFIGURATION)

@@ -16,14 +16,14 @@ from handfast.cli import console
 from handfast.cli.console import print_table
 from handfast.cli.load_options import JointLawOptions, ObjectOptions, SearchFlags
 from handfast.cli.options import Command, load_solvable
-from handfast.cli.synthesize import STYLE, WHY
+from handfast.cli.synthesize import REACH_STYLES, STOP_REASONS
 from handfast.core.answer import Reach
 from handfast.core.errors import InputError
 from handfast.core.limited import within
 from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.planning.question import Allowed, Requirements, TaskGraspOptions, compared
-from handfast.planning.results.search_file import REASONS
+from handfast.planning.results.search_file import COUNTED_REASONS
 from handfast.planning.search import Journal, Pair, Rejected, RejectionReason, Tally
 from handfast.proofs.unbalanced import down, up
 
@@ -98,7 +98,7 @@ class FindGrasps(SearchFlags, JointLawOptions, ObjectOptions, Command):
 
 
 SHOWN_REASONS = 3
-SHORT = {  # reasons in a few words, for a line of progress
+SHORT_REASONS = {  # reasons in a few words, for a line of progress
     RejectionReason.PAST: "past the object",
     RejectionReason.INSIDE: "in the object",
     RejectionReason.FOLDED: "hand in itself",
@@ -136,7 +136,7 @@ def starts_text(tally: Tally) -> str:
     parts = [f"{tally.passed} held"] if tally.passed else []
     for reason, some in worst:
         pair = _often(some)
-        parts.append(f"{some.count} {SHORT.get(reason, str(reason))}{f' ({pair})' if pair else ''}")
+        parts.append(f"{some.count} {SHORT_REASONS.get(reason, str(reason))}{f' ({pair})' if pair else ''}")
     return f"{words.count(tally.total, 'start')}: {', '.join(parts)}"
 
 
@@ -171,7 +171,7 @@ def _names(pair: Pair) -> str:
 def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), times: float = 1.0) -> None:
     """times: what the loads were multiplied by."""
     best = f" {best_text(answer, times)}" if answer.grasps and answer.grasps[0].strength else ""
-    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(answer) + best))
+    out.print(Text.assemble((answer.verdict.upper(), REACH_STYLES[answer.verdict]), "  ", sentence(answer) + best))
     task, body = answer.task, answer.body
     links = ", ".join(t.link for t in task.contact_pairs)
     about = f"{task.hand.name} on {body.name}, {words.count(len(task.contact_pairs), 'contact')}: {links}"
@@ -195,7 +195,7 @@ def sentence(answer: Grasps) -> str:
     if answer.verdict is Reach.NONE:
         return f"The hand cannot bring the regions together: every part of the space was discarded {seconds}."
     if not n:
-        why = WHY.get(answer.stop, "the search came to its end")
+        why = STOP_REASONS.get(answer.stop, "the search came to its end")
         nothing = "no certified configuration holds" if answer.tally.total else "no configuration was found"
         line = " Two point contacts hold no torque about the line between them, hence hardly any weight."
         points = len(answer.task.contact_pairs) == 2 and not answer.requirements.torsion
@@ -203,7 +203,11 @@ def sentence(answer: Grasps) -> str:
         return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}.{pinch}"
     s, loads = "s" if n == 1 else "", words.count(len(answer.loads), "load")
     which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"
-    short = f" Requirements for {answer.count}: {WHY[answer.stop]}." if n < answer.count and answer.stop in WHY else ""
+    short = (
+        f" Requirements for {answer.count}: {STOP_REASONS[answer.stop]}."
+        if n < answer.count and answer.stop in STOP_REASONS
+        else ""
+    )
     return f"{which}, {seconds}.{short}"
 
 
@@ -312,7 +316,7 @@ def _show_found(out: Console, answer: Grasps, times: float) -> None:
 
 def _show_tally(out: Console, answer: Grasps) -> None:
     if answer.unproved or answer.tally.total:
-        rows = [*tally_rows(answer.tally, "holds", REASONS)]
+        rows = [*tally_rows(answer.tally, "holds", COUNTED_REASONS)]
         rows += [("could not be certified", str(answer.unproved))] if answer.unproved else []
         print_table(out, ["what became of the starts", ""], rows)
         looked = f"{answer.evaluated} certified configurations judged, steps included"

@@ -16,7 +16,7 @@ from handfast.cli import console
 from handfast.cli.console import print_table
 from handfast.cli.load_options import Disturbances
 from handfast.cli.options import LoadingOrder, QueryOptions, Saved, WorkOptions, check_folder, check_writable
-from handfast.cli.tables import STYLE
+from handfast.cli.tables import VERDICT_STYLES
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs, workers_of
@@ -32,8 +32,8 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.questions import hold
 
-LITTLE = 1.01  # margin: no more than the smallest preload leaves
-TOGETHER = (".jsonl", ".ndjson")  # files of many grasps
+PRELOAD_MARGIN = 1.01  # margin: no more than the smallest preload leaves
+BATCH_ENDINGS = (".jsonl", ".ndjson")  # files of many grasps
 
 
 @dataclass(kw_only=True)
@@ -74,7 +74,7 @@ class Hold(Disturbances, QueryOptions, LoadingOrder, Saved, WorkOptions):
             raise InputError(f"is {self.command_limit:g}; 0 or more is needed", field="--command-limit")
         self.workers()
         where = Path(self.grasp)
-        return self._all(where) if where.is_dir() or where.suffix.lower() in TOGETHER else self._one()
+        return self._all(where) if where.is_dir() or where.suffix.lower() in BATCH_ENDINGS else self._one()
 
     def _one(self) -> int:
         if self.scheduler:
@@ -90,7 +90,7 @@ class Hold(Disturbances, QueryOptions, LoadingOrder, Saved, WorkOptions):
 
     def _show(self, out: Console, grasp: Grasp, answer: HoldAnswer) -> None:
         show_hold(out, grasp, answer, self.eta, self._why(answer))
-        if answer.margin is not None and answer.margin < LITTLE and self.safety == 1 and answer.upper > 0:
+        if answer.margin is not None and answer.margin < PRELOAD_MARGIN and self.safety == 1 and answer.upper > 0:
             which = "The smallest preload" if answer.loading == "together" else "This preload"
             out.print(f"{which} leaves its hardest load no more; --safety 1.5 asks for 1.5.")
         if answer.margins and self.safety != 1:
@@ -204,7 +204,7 @@ def show_hold(out: Console, grasp: Grasp, answer: HoldAnswer, eta: float, why: s
         eta: how far normals may be off [degrees].
         why: the answer is not complete; '' if it is.
     """
-    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", hold_sentence(answer)))
+    out.print(Text.assemble((answer.verdict.upper(), VERDICT_STYLES[answer.verdict]), "  ", hold_sentence(answer)))
     off = f"; normals off by up to {num(eta)}°" if eta else ""
     out.print(f"{grasp.name}: {words.grasp_text(grasp)}{off}", style="dim")
     if why:
@@ -251,7 +251,7 @@ def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:
             continue
         exact = "–" if a.exact is None else "yes" if a.exact else "to 1e-9"
         cut = f", {a.stop}" if a.stop in CUT else ""
-        verdict = Text(a.verdict.upper() + cut, style=STYLE[a.verdict])
+        verdict = Text(a.verdict.upper() + cut, style=VERDICT_STYLES[a.verdict])
         hardest = a.refuted[0] if a.refuted else a.hardest or "–"
         margin = "–" if a.margin is None else "any size" if np.isinf(a.margin) else num(a.margin)
         margin += " or more" * any(m.stop in CUT for m in a.margins.values())

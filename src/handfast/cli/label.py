@@ -14,7 +14,7 @@ from handfast.cli import console
 from handfast.cli.console import table
 from handfast.cli.load_options import JointLawOptions
 from handfast.cli.options import (
-    ALL,
+    ALL_OPTIONS,
     Assignments,
     Command,
     Gravity,
@@ -30,14 +30,14 @@ from handfast.datasets.dataset_rows import GraspChanges
 from handfast.datasets.labels.label_columns import LabelSummary
 from handfast.datasets.labels.label_dataset import LabelProgress, label_dataset
 from handfast.datasets.labels.label_files import load_labels
-from handfast.datasets.labels.labeller import AXES, Labelling
+from handfast.datasets.labels.labeller import LABEL_DIRECTIONS, Labelling
 from handfast.datasets.scene_source import SceneSource
 from handfast.model.hand.joint_law import laws_named
 from handfast.pictures.label_page import held_rows, report_labels
 from handfast.pictures.words import count
 
-SUMMARY, PICTURE = ".summary.json", ".summary.png"
-MOST = 8  # reasons that are shown
+SUMMARY_ENDING, SUMMARY_PICTURE = ".summary.json", ".summary.png"
+SHOWN_REASONS = 8  # reasons that are shown
 LOG = 60.0  # [s] between lines of progress at most, where there is no terminal
 
 
@@ -105,7 +105,7 @@ class Label(JointLawOptions, WorkOptions, LoadingOrder, Reported, Command):
         if self.output is None:
             raise InputError("missing: -o LABELS.parquet, or a table that ends in .jsonl", source="label")
         workers = self.workers()
-        beside = [self.output.with_suffix(ending) for ending in (SUMMARY, PICTURE)]
+        beside = [self.output.with_suffix(ending) for ending in (SUMMARY_ENDING, SUMMARY_PICTURE)]
         if not (self.force or self.resume):
             for file in beside:
                 if file.exists() and not self.output.exists():
@@ -150,8 +150,8 @@ class Label(JointLawOptions, WorkOptions, LoadingOrder, Reported, Command):
     def _labelling(self) -> Labelling:
         pulls: list[Any] = []
         for g in self.gravity:
-            pulls += AXES if g == ALL else [tuple(g)]
-        return self.made(Labelling, gravity=tuple(pulls) or AXES)
+            pulls += LABEL_DIRECTIONS if g == ALL_OPTIONS else [tuple(g)]
+        return self.made(Labelling, gravity=tuple(pulls) or LABEL_DIRECTIONS)
 
     def _changes(self) -> GraspChanges:
         preload = assigned(self.preload, "--preload") if self.preload else None
@@ -180,10 +180,12 @@ class Label(JointLawOptions, WorkOptions, LoadingOrder, Reported, Command):
         if rows := held_rows(summary):
             out.print(table(["weight from every direction", "grasps"], rows))
         if summary.broken:
-            most = summary.reasons.most_common(MOST)
+            most = summary.reasons.most_common(SHOWN_REASONS)
             reasons = [(str(number), str(summary.first[reason]), reason) for reason, number in most]
-            if len(summary.reasons) > MOST:
-                reasons.append(("", "", f"and other reasons: {len(summary.reasons) - MOST}; the table has all"))
+            if len(summary.reasons) > SHOWN_REASONS:
+                reasons.append(
+                    ("", "", f"and other reasons: {len(summary.reasons) - SHOWN_REASONS}; the table has all")
+                )
             out.print(table(["rows", "first", "broken because"], reasons))
         if summary.open:
             out.print(f"{count(summary.open, 'question')} stayed open; the rows say what was shown.")

@@ -13,7 +13,7 @@ from handfast.core import bundled
 from handfast.model.hand.structures import TABLE_1
 from handfast.readers.load_hand import TABLE_1_PREFIX
 
-HANDS = {
+HAND_TEXTS = {
     "barrett-bh8-280": "Barrett BH8-280: three fingers, worm-coupled distal joints at 1/3, spread",
     "milling-fixture": "six locators, two straps and a screw around a workpiece",
     "parallel-gripper": "two parallel jaws, one motor",
@@ -21,7 +21,7 @@ HANDS = {
     "step-ground": "no hand: a floor and a step for a body on four feet",
     "tendon-hand": "three fingers of two joints, one tendon each",
 }
-PAPER = {
+PAPER_FIGURES = {
     "fig1": "the paper's Fig. 1, two fingers",
     "fig7": "the paper's Fig. 7, visible offset of the contacts",
     "fig9": "the paper's Fig. 9, a flask in three fingers",
@@ -37,7 +37,7 @@ class List(Command):
     """print one JSON object instead of a table"""
 
     def run(self) -> int:
-        found = {kind: {name: describe(kind, name) for name in bundled.names(kind)} for kind in bundled.KINDS}
+        found = {kind: {name: describe(kind, name) for name in bundled.names(kind)} for kind in bundled.BUNDLED_KINDS}
         found["hands"] |= table_1()
         if self.json:
             console.print_json({"schema": "handfast/list/1", **found})
@@ -72,9 +72,9 @@ def table_1() -> dict[str, str]:
 def describe(kind: str, name: str) -> str:
     """One line about a bundled thing, from what its file says."""
     if kind == "hands":
-        return HANDS.get(name, "")
+        return HAND_TEXTS.get(name, "")
     data = bundled.read(kind, name)
-    known = next((text for stem, text in PAPER.items() if name == stem or name.startswith(stem + "-")), "")
+    known = next((text for stem, text in PAPER_FIGURES.items() if name == stem or name.startswith(stem + "-")), "")
     match kind:
         case "grasps":
             text = _grasp(data)

@@ -11,7 +11,7 @@ import numpy as np
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli.options import (
-    ALL,
+    ALL_OPTIONS,
     Command,
     Gravity,
     Numbers,
@@ -36,7 +36,7 @@ from handfast.readers.configuration_file import load_configuration
 from handfast.readers.load_body import body_of
 from handfast.readers.load_hand import load_hand
 from handfast.readers.registry import MESHES, ending
-from handfast.stability.problem.loads import AXES, Loads, load_loads
+from handfast.stability.problem.loads import LOAD_AXES, Loads, load_loads
 from handfast.stability.problem.scaled_problem import as_wrench
 
 LinkPairs = UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")], ...]]
@@ -44,7 +44,7 @@ LinkPairs = UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")
 
 # What a search for grasps counts unless asked: the friction in models of hands is often there to calm a simulator, and
 # no grasp is to be found, or missed, for such a number.
-SOLID = "stops,springs"
+DEFAULT_LAWS = "stops,springs"
 
 
 @dataclass(kw_only=True)
@@ -235,7 +235,11 @@ class Disturbances(WeightOptions):
         else:
             heavy = self.weighed(grasp, source)
             for g in self.gravity:
-                ways = {name: axis_vector(name) for name in AXES} if g == ALL else {" ".join(f"{x:g}" for x in g): g}
+                ways = (
+                    {name: axis_vector(name) for name in LOAD_AXES}
+                    if g == ALL_OPTIONS
+                    else {" ".join(f"{x:g}" for x in g): g}
+                )
                 named += [(f"gravity {name}", heavy.gravity_wrench(way).tolist()) for name, way in ways.items()]
         twice = [name for k, (name, _) in enumerate(named) if name in [n for n, _ in named[:k]]]
         if twice:
@@ -306,7 +310,7 @@ class LoadsOptions:
 class SearchFlags(LoadsOptions, WorkOptions, Reported, Command):
     """A search for grasps."""
 
-    joint_laws: Annotated[str, arg(metavar="LAWS")] = SOLID
+    joint_laws: Annotated[str, arg(metavar="LAWS")] = DEFAULT_LAWS
     """what counts of the joints' stops, friction and springs in the hand's file: all, none, or names with commas"""
     seed: Annotated[int, arg(metavar="S")] = 0
     """of the random starts: the same seed gives the same grasps"""

@@ -21,7 +21,7 @@ from handfast.cli.options import (
     write_as,
 )
 from handfast.core.errors import InputError
-from handfast.measures.catalogue import GAP
+from handfast.measures.catalogue import MEASURE_GAP
 from handfast.measures.measuring import MeasuredValue, Measures, measure
 from handfast.pictures import words
 from handfast.pictures.words import num
@@ -60,7 +60,7 @@ class MeasureGrasp(GraspOptions, Reported, Command):
             found = measure(
                 grasp, about=self.about or None, length=self.length, edges=self.edges, force_limit=self.force_limit,
                 torque_limits=self.torque_limits(), passive=self.passive,
-                settings=Settings(nodes=self.nodes, gap=GAP, verify=False),
+                settings=Settings(nodes=self.nodes, gap=MEASURE_GAP, verify=False),
             )  # fmt: skip
         except InputError as error:
             names = {"torque_limits": "torque_limit"}

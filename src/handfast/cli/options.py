@@ -19,7 +19,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from handfast.cli import console
 from handfast.core import bundled
 from handfast.core.errors import FaultsOf, InputError
-from handfast.core.files import KINDS
+from handfast.core.files import SCHEMA_KINDS
 from handfast.readers.registry import MESHES, ending
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Numbers = tuple[float, ...]
 Pairs = tuple[tuple[str, float], ...]
 T = TypeVar("T")
-OF_HAND = "", float("inf")  # the word `hand` among torque limits: what the hand's file states
+HAND_FILE_LIMITS = "", float("inf")  # the word `hand` among torque limits: what the hand's file states
 
 
 def _wrench(words: list[str]) -> Numbers:
@@ -62,7 +62,7 @@ def _pairs(words: list[str]) -> Pairs:
 
 def _limits(words: list[str]) -> Pairs:
     """NAME=VALUE, any number of them, and the word hand."""
-    return tuple(pair for word in words for pair in ((OF_HAND,) if word == "hand" else _pairs([word])))
+    return tuple(pair for word in words for pair in ((HAND_FILE_LIMITS,) if word == "hand" else _pairs([word])))
 
 
 def is_number(word: str) -> bool:
@@ -102,13 +102,13 @@ def _triple(words: list[str]) -> Numbers:
     return numbers
 
 
-ALL = ("all",)
+ALL_OPTIONS = ("all",)
 
 
 def _gravity(words: list[str]) -> tuple[Any, ...]:
     """Three numbers, or the word all."""
     if words == ["all"]:
-        return ALL
+        return ALL_OPTIONS
     if len(words) != 3:
         raise ValueError(f"is '{' '.join(words)}'; three numbers are needed, X Y Z, or the word all")
     return _triple(words)
@@ -142,7 +142,7 @@ def torque_limits(groups: Sequence[Pairs], hand: Callable[[], Hand], actuators: 
         InputError: a name is given twice; a hand that states nothing of its motors.
     """
     option = "--torque-limit"
-    named = assigned([[pair for pair in group if pair != OF_HAND] for group in groups], option)
+    named = assigned([[pair for pair in group if pair != HAND_FILE_LIMITS] for group in groups], option)
     if not asks_hand(groups):
         return named
     found = hand()
@@ -155,7 +155,7 @@ def torque_limits(groups: Sequence[Pairs], hand: Callable[[], Hand], actuators: 
 
 def asks_hand(groups: Sequence[Pairs]) -> bool:
     """Is the word `hand` among torque limits?"""
-    return any(pair == OF_HAND for group in groups for pair in group)
+    return any(pair == HAND_FILE_LIMITS for group in groups for pair in group)
 
 
 def closing_senses(groups: Sequence[Pairs]) -> dict[str, int]:
@@ -167,12 +167,14 @@ def closing_senses(groups: Sequence[Pairs]) -> dict[str, int]:
     return {name: int(sense) for name, sense in senses.items()}
 
 
-HAND = re.compile(r"(menagerie|table1):.*|[a-z0-9_]+_description(:\w+)?|.*\.(urdf|xml|mjcf)(#.*)?", re.IGNORECASE)
+HAND_PATTERN = re.compile(
+    r"(menagerie|table1):.*|[a-z0-9_]+_description(:\w+)?|.*\.(urdf|xml|mjcf)(#.*)?", re.IGNORECASE
+)
 
 
 def refuse_hand(name: str) -> None:
     """`InputError` for a hand, or another file of ours, where a grasp is needed."""
-    if HAND.fullmatch(name) or (name in bundled.names("hands") and name not in bundled.names("grasps")):
+    if HAND_PATTERN.fullmatch(name) or (name in bundled.names("hands") and name not in bundled.names("grasps")):
         right = f"handfast plan {name} OBJECT finds grasps of it, handfast contacts makes one of a configuration"
         raise InputError(f"is a hand, and a grasp is needed; {right}", source=name)
     if ending(Path(name)) in (".sdf", *MESHES) or (
@@ -185,8 +187,8 @@ def refuse_hand(name: str) -> None:
         several = f"handfast label {name} -o LABELS.jsonl or handfast hold {name} ask about all that are in it"
         raise InputError(f"is a folder, and one grasp file is needed; {several}", source=name)
     schema = _schema(name)
-    if schema in KINDS and schema != "handfast/grasp/1":
-        raise InputError(f"is {KINDS[schema]}, and a grasp is needed", source=name)
+    if schema in SCHEMA_KINDS and schema != "handfast/grasp/1":
+        raise InputError(f"is {SCHEMA_KINDS[schema]}, and a grasp is needed", source=name)
 
 
 def _schema(name: str) -> str:
@@ -482,11 +484,11 @@ def load_solvable(name: str) -> Task:
     from handfast.model.hand.coupling import driver_ranges
     from handfast.synthesis.task_file import load_task
 
-    if HAND.fullmatch(name):
+    if HAND_PATTERN.fullmatch(name):
         right = f"handfast propose {name} OBJECT writes tasks, handfast plan needs none"
         raise InputError(f"is a hand, and a task is needed; {right}", source=name)
-    if (schema := _schema(name)) in KINDS and schema != "handfast/task/1":
-        raise InputError(f"is {KINDS[schema]}, and a task is needed (handfast propose HAND OBJECT)", source=name)
+    if (schema := _schema(name)) in SCHEMA_KINDS and schema != "handfast/task/1":
+        raise InputError(f"is {SCHEMA_KINDS[schema]}, and a task is needed (handfast propose HAND OBJECT)", source=name)
     task = load_task(name)
     with FaultsOf(name):
         driver_ranges(task.hand, task.involved.tolist())

@@ -22,7 +22,7 @@ from handfast.stability.problem.grasp_limits import GraspLimits
 if TYPE_CHECKING:
     from handfast.papers.methods import MethodOptions
 
-PICTURES, TABLES = (".svg", ".png"), (".md",)
+FIGURE_ENDINGS, PAPER_TABLE_ENDINGS = (".svg", ".png"), (".md",)
 EVERY = {"list": "json", "exhibit": "output force quick timeout", "method": "json"}  # options of each of a kind
 TAKES = {  # and of single ones
     **dict.fromkeys(("fig6", "fig8", "fig10", "fig12"), "steps"),
@@ -146,7 +146,7 @@ class Paper(Command):
         is_table = "table" in self.what
         file = self.output or (None if is_table else Path(f"{self.what}.svg"))
         if EXHIBITS[self.what].maker:
-            check_writable(file, self.force, TABLES if is_table else PICTURES)
+            check_writable(file, self.force, PAPER_TABLE_ENDINGS if is_table else FIGURE_ENDINGS)
         with console.watch(self.what):
             made = make(self.what, self._effort())
         out = console.out()

@@ -22,10 +22,10 @@ from handfast.core.limited import within
 from handfast.model.body import Body
 from handfast.pictures import words
 from handfast.planning.candidates.palm_poses import Sampling
-from handfast.planning.evaluation.attempt import REASONS
-from handfast.planning.evaluation.preload_search import SHORTEST
+from handfast.planning.evaluation.attempt import ATTEMPT_REASONS
+from handfast.planning.evaluation.preload_search import MIN_PRELOAD_TIME
 from handfast.planning.evaluation.quality import largest_command
-from handfast.planning.filters.surroundings import TRAVEL, Surroundings
+from handfast.planning.filters.surroundings import WAY_LENGTH, Surroundings
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanOptions, compared, compared_size
 from handfast.planning.results.plan import Plan
@@ -132,7 +132,7 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
             if facts:
                 compared_size(hand, max(facts["size"]), Path(self.object).stem, self.scale)
             body = self.load_object(self.object, self.scale, meshes)
-        options = replace(options, timeout=max(self.timeout - (time.monotonic() - begin), SHORTEST))
+        options = replace(options, timeout=max(self.timeout - (time.monotonic() - begin), MIN_PRELOAD_TIME))
         senses = closing_senses(self.closing)
         hand = hand.with_closing(senses)
         loads = self._loads(body)
@@ -165,7 +165,7 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
         way = np.array(axis_vector(self.up or "z"))
         with within(self.timeout):
             solids = [piece for file in self.obstacle for piece in load_body(file).pieces]
-        travel = TRAVEL if self.travel is None else self.travel
+        travel = WAY_LENGTH if self.travel is None else self.travel
         return Surroundings(way if self.support else None, solids, travel)
 
     def _loads(self, body: Body) -> Loads:
@@ -204,7 +204,7 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
                 numbers = str(planned.number(g)), str(g.index), str(g.grasp.m)
                 rows.append((*numbers, *measured[:2], command, measured[2], links))
             out.print(table(heads, rows))
-            out.print(f"Margin: {words.MARGIN}. Best first: {words.BEST_FIRST}.", style="dim", soft_wrap=True)
+            out.print(f"Margin: {words.MARGIN_TEXT}. Best first: {words.BEST_FIRST}.", style="dim", soft_wrap=True)
             if fragile := sum(g.quality is not None and g.quality.fragile for g in planned.grasps):
                 some = f"{fragile} of {len(planned.grasps)} are fragile"
                 out.print(f"{some}: no more robust ones were found in {planned.tried} starts.", style="yellow")
@@ -218,7 +218,7 @@ class PlanGrasps(SearchFlags, SceneOptions, LoadingOrder, Command):
                 beyond = words.beyond_text(planned.hand, g.grasp.preload)
                 out.print(f"Preload of {planned.number(g)}: {words.preload_text(g.grasp)}{beyond}", soft_wrap=True)
         worst = overlaps_text(planned.tally)
-        became = [(*row, worst.get(row[0], "")) for row in tally_rows(planned.tally, "kept", REASONS)]
+        became = [(*row, worst.get(row[0], "")) for row in tally_rows(planned.tally, "kept", ATTEMPT_REASONS)]
         columns = 3 if worst else 2
         about = "what became of the starts", "", "overlapped most often"
         out.print(table(about[:columns], [row[:columns] for row in became]))

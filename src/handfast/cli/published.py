@@ -15,15 +15,15 @@ from handfast.cli.load_options import JointLawOptions
 from handfast.cli.options import Command, JsonOptions, WorkOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
-from handfast.datasets.published.exporting import ENDING, export, exported_from
-from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
+from handfast.datasets.published.exporting import FORMAT_ENDINGS, export, exported_from
+from handfast.datasets.published.import_folder import IMPORT_TABLE_ENDINGS, refuse_target, write_folder, write_table
 from handfast.datasets.published.importing import ImportedGrasp, Importer, Treatment, imported, meshes_of
 from handfast.datasets.published.mapping_file import HandMapping, load_mapping, mapping_for
 from handfast.datasets.published.mujoco_scene import export_scenes
 from handfast.datasets.published.published_file import Source, published_files, sources
 from handfast.model.hand import Hand
 from handfast.pictures import words
-from handfast.proofs.strict_json import LARGEST
+from handfast.proofs.strict_json import MAX_JSON_NUMBER
 from handfast.readers.load_hand import load_hand
 
 
@@ -95,7 +95,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
                 watch.item(len(rows), len(found))
         about: dict[str, Any] = {"hand": self.hand, "mapping": name, "mass": self.mass}
         good = any(not r.reason for r in rows)
-        if good and self.output.suffix.lower() in TABLES:
+        if good and self.output.suffix.lower() in IMPORT_TABLE_ENDINGS:
             write_table(self.output, rows, force=self.force)
         elif good:
             write_folder(self.output, rows, about, self.friction)
@@ -110,12 +110,12 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             *(("--threshold", self.threshold), ("--scale", self.scale), ("--gain", self.gain)),
             *(("--mass", self.mass), ("--count", self.count)),
         ):
-            if value is not None and not 0 < value <= LARGEST:
-                raise InputError(f"is {value:g}; a number above 0, at most {LARGEST:g}, is needed", field=field)
+            if value is not None and not 0 < value <= MAX_JSON_NUMBER:
+                raise InputError(f"is {value:g}; a number above 0, at most {MAX_JSON_NUMBER:g}, is needed", field=field)
         if not 0 <= self.tolerance < 1:
             raise InputError(f"is {self.tolerance:g}; a number from 0 to below 1 is needed", field="--tolerance")
-        if self.friction is not None and not 0 <= self.friction <= LARGEST:
-            right = f"a friction coefficient is 0 or more, at most {LARGEST:g}"
+        if self.friction is not None and not 0 <= self.friction <= MAX_JSON_NUMBER:
+            right = f"a friction coefficient is 0 or more, at most {MAX_JSON_NUMBER:g}"
             raise InputError(f"is {self.friction:g}; {right}", field="--friction")
         if self.object is not None:
             self._check_object(Path(bundled.resolve("objects", self.object)))
@@ -180,7 +180,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         )
         if self.gain is None and squeezed:
             text += f" The files say a squeeze of {squeezed}: --gain KP commands what servos that pull towards it do."
-        table = self.output is not None and self.output.suffix.lower() in TABLES
+        table = self.output is not None and self.output.suffix.lower() in IMPORT_TABLE_ENDINGS
         label = "`handfast label`" if table else f"`handfast label {self.output} -o labels.jsonl --mass KG`"
         return f"{text} {label} says which of them hold as they are, and finds commands for the others."
 
@@ -226,9 +226,9 @@ class ExportGrasps(Command):
     def run(self) -> int:
         if self.layout == SCENE:
             return self._scenes()
-        if self.layout not in ENDING:
+        if self.layout not in FORMAT_ENDINGS:
             given = "missing" if self.layout is None else f"unknown layout '{self.layout}'"
-            raise InputError(f"{given}: --layout {', '.join((*ENDING, SCENE))}", source="export")
+            raise InputError(f"{given}: --layout {', '.join((*FORMAT_ENDINGS, SCENE))}", source="export")
         if self.output is None:
             raise InputError("missing: -o FOLDER, or a file", source="export")
         grasps = exported_from(self.source)

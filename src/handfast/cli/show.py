@@ -19,13 +19,13 @@ from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.pictures import hand_rows
 from handfast.pictures.hand_facts import ShownHand, facts_of, shown_hand, to_json
-from handfast.pictures.words import USUAL, body_text, num, place_text
+from handfast.pictures.words import USUAL_JOINT_TEXT, body_text, num, place_text
 from handfast.readers.load_body import seen_mesh
 from handfast.readers.load_hand import bundled_hands, load_hand
 from handfast.readers.region_file import load_hand_regions
 from handfast.readers.registry import MESHES, ending
 
-MANY = 30  # pairs of links that are listed
+LISTED_PAIRS = 30  # pairs of links that are listed
 
 
 @dataclass(kw_only=True)
@@ -122,7 +122,7 @@ class Show(JsonOptions, Command):
         grid.show_header = False
         out.print(grid)
         rows = hand_rows.joint_rows(facts)
-        laws = any(row[4] != USUAL for row in rows)
+        laws = any(row[4] != USUAL_JOINT_TEXT for row in rows)
         heads = ["joint", "limits", *(["besides its motor"] if laws else []), "closes", "driven by", "part of"]
         values = [hand_rows.value_text(facts.hand, j, float(v)) for j, v in enumerate(shown.q)]
         senses = [
@@ -136,10 +136,10 @@ class Show(JsonOptions, Command):
             out.print(table(["region", "finger", "role", "link", "off the shapes"], regions))
         count = len(facts.overlapping) + len(facts.excluded)
         if count:
-            pairs = hand_rows.pair_rows(facts)[: min(count, MANY)]
+            pairs = hand_rows.pair_rows(facts)[: min(count, LISTED_PAIRS)]
             out.print(table(["link", "and", "not checked because"], pairs))
-            if count > MANY:
-                out.print(f"and {count - MANY} more pairs: --json, or -o FILE.html")
+            if count > LISTED_PAIRS:
+                out.print(f"and {count - LISTED_PAIRS} more pairs: --json, or -o FILE.html")
 
 
 def is_object(name: str) -> bool:

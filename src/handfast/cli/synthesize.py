@@ -106,9 +106,9 @@ class Synthesize(Reported, Command):
         return [self.configuration.with_name(f"{stem}-{k}{ending}") for k in range(1, count + 1)]
 
 
-STYLE = {Reach.FOUND: "bold green", Reach.NONE: "bold red", Reach.UNDECIDED: "bold yellow"}
+REACH_STYLES = {Reach.FOUND: "bold green", Reach.NONE: "bold red", Reach.UNDECIDED: "bold yellow"}
 SHOWN = 3  # configurations in full; of the others a line each
-WHY = {
+STOP_REASONS = {
     Stop.TIME: "the time limit was hit; give more with --timeout",
     Stop.NODES: "the node limit was hit",
     Stop.INTERRUPTED: "interrupted",
@@ -117,7 +117,7 @@ WHY = {
 
 
 def show_synthesis(out: Console, answer: Synthesis, wanted: int, written: Sequence[Path] = ()) -> None:
-    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", _sentence(answer, wanted)))
+    out.print(Text.assemble((answer.verdict.upper(), REACH_STYLES[answer.verdict]), "  ", _sentence(answer, wanted)))
     task = answer.task
     links = ", ".join(t.link for t in task.contact_pairs)
     about = f"{counted(len(task.contact_pairs), 'contact')} of {task.hand.name}: {links}"
@@ -213,12 +213,12 @@ def _sentence(answer: Synthesis, wanted: int) -> str:
             return f"No configuration exists: {by} {claim} ({took})."
         case _:
             further = ", or --save and --resume" if answer.stop is Stop.TIME else ""
-            why = f"{WHY.get(answer.stop, answer.stop)}{further}"
+            why = f"{STOP_REASONS.get(answer.stop, answer.stop)}{further}"
             return f"Neither a configuration nor a contradiction was found: {why} ({took})."
 
 
 def _short(stop: Stop) -> str:
-    return "no others were met that differ" if stop is Stop.RESOLUTION else WHY.get(stop, str(stop))
+    return "no others were met that differ" if stop is Stop.RESOLUTION else STOP_REASONS.get(stop, str(stop))
 
 
 def _searched_text(s: Searched, verdict: Reach) -> str:

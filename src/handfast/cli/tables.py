@@ -24,7 +24,7 @@ from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.witness import Witness
 from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
-STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
+VERDICT_STYLES = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
 MOST_CLAIMS = 20  # that are shown, of those that are proved and of those that are not
 Load = Sequence[float]
 
@@ -47,12 +47,14 @@ def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[Chec
     verdicts = [a.verdict for a in answers]
     worst = next(v for v in (Verdict.SLIPS, Verdict.UNDECIDED, Verdict.HOLDS) if v in verdicts)
     held = f"{verdicts.count(Verdict.HOLDS)} of {len(verdicts)} disturbances are resisted."
-    _head(out, grasp, Text(worst.upper(), STYLE[worst]), held, asked, grasp.preload)
+    _head(out, grasp, Text(worst.upper(), VERDICT_STYLES[worst]), held, asked, grasp.preload)
     rows = []
     for name, wrench, a in zip(loads.names, loads.wrenches, answers, strict=True):
         shown = "a state" if a.found else sentences.certified(a.certificate, a.verified) if a.certificate else "–"
         fragile = ", FRAGILE" * sentences.fragile(a)
-        rows.append((name, Text(a.verdict.upper() + fragile, style=STYLE[a.verdict]), words.load_text(wrench), shown))
+        rows.append(
+            (name, Text(a.verdict.upper() + fragile, style=VERDICT_STYLES[a.verdict]), words.load_text(wrench), shown)
+        )
     print_table(out, ["disturbance", "", "load", "shown by"], rows)
     _written(out, asked)
 
@@ -173,7 +175,7 @@ def _figures(part: Replay) -> str:
 
 
 def _share(answer: MapAnswer | SweepAnswer) -> Text:
-    return Text(sentences.share_word(answer).upper(), STYLE[answer.verdict])
+    return Text(sentences.share_word(answer).upper(), VERDICT_STYLES[answer.verdict])
 
 
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
@@ -279,7 +281,7 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
 
 def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:
     word = answer.verdict.upper()
-    said = Text(word, STYLE[answer.verdict])
+    said = Text(word, VERDICT_STYLES[answer.verdict])
     if sentences.unphysical(answer.witness):
         said = Text(f"{word}?", "bold yellow")
     elif sentences.fragile(answer):

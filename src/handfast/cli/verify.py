@@ -82,7 +82,7 @@ class Verify(Command):
         return console.UNDECIDED if done.open else console.ANSWERED
 
 
-DIGITS = 16  # of a SHA-256 that are shown
+HASH_DIGITS = 16  # of a SHA-256 that are shown
 RELATIVE = ("hand", "object", "task")
 LAW = {True: "maximum dissipation", False: "friction without maximum dissipation, which may create energy"}
 
@@ -195,7 +195,7 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
 
 
 def _show_grasp(out: Console, g: Grasp) -> None:
-    out.print(f"relative to grasp '{g.name}' sha256 {grasp_digest(g)[:DIGITS]}…", style="dim", soft_wrap=True)
+    out.print(f"relative to grasp '{g.name}' sha256 {grasp_digest(g)[:HASH_DIGITS]}…", style="dim", soft_wrap=True)
 
 
 def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
@@ -206,7 +206,7 @@ def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
         source = next((str(x) for key, x in data["dataset"].items() if key.startswith("sha256")), "")
         asked_of = f"what the grasps of the dataset hold, by how much, and with which commands{after}"
         out.print(f"{_opening(proved)} {asked_of}", soft_wrap=True)
-        out.print(f"relative to the dataset ({kind}) sha256 {source[:DIGITS]}…", style="dim", soft_wrap=True)
+        out.print(f"relative to the dataset ({kind}) sha256 {source[:HASH_DIGITS]}…", style="dim", soft_wrap=True)
         return
     out.print()
     if data["schema"] == "handfast/settled/1":
@@ -248,7 +248,7 @@ def show_task_question(out: Console, task: Task, *, proved: bool) -> None:
         f"hand '{task.hand.name}' on {words.count(len(task.contact_pairs), 'pair')} of regions, in limits and bounds"
     )
     out.print(f"\n{_opening(proved)} {asked}", soft_wrap=True)
-    told = f"relative to task '{task.name}' sha256 {task_json(task)['task']['sha256'][:DIGITS]}…"
+    told = f"relative to task '{task.name}' sha256 {task_json(task)['task']['sha256'][:HASH_DIGITS]}…"
     out.print(told, style="dim", soft_wrap=True)
 
 
@@ -271,7 +271,7 @@ def show_grasps_question(out: Console, what: SavedGrasps, question: Mapping[str,
             made = f"{factor}weight of {num(body.mass or 0.0)} kg at {num(weight.g)} m/s²"
         rows.append((name, words.load_text(wrench), made))
     out.print(table(["load", "at the object's origin", ""], rows))
-    parts = [f"{part} '{question[part]['name']}' sha256 {question[part]['sha256'][:DIGITS]}…" for part in RELATIVE]
+    parts = [f"{part} '{question[part]['name']}' sha256 {question[part]['sha256'][:HASH_DIGITS]}…" for part in RELATIVE]
     out.print(f"relative to {', '.join(parts)}", style="dim", soft_wrap=True)
     warning = "Checksums protect from damage, not from forgery: compare hand, object and task with those you mean."
     out.print(warning, style="dim", soft_wrap=True)

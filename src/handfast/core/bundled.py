@@ -11,7 +11,7 @@ from typing import Any
 
 from handfast.core.errors import InputError, nearest
 
-KINDS = ("grasps", "hands", "objects", "configurations", "tasks", "hand_regions")
+BUNDLED_KINDS = ("grasps", "hands", "objects", "configurations", "tasks", "hand_regions")
 
 
 def folder(kind: str) -> Path:
@@ -38,7 +38,7 @@ def resolve(kind: str, name: str) -> str:
     if not os.path.exists(name) and not Path(name).suffix:
         known, what = names(kind), _singular(kind)
         listed = f"bundled: {', '.join(known) or 'none'}"
-        others = [other for other in KINDS if name in names(other)]
+        others = [other for other in BUNDLED_KINDS if name in names(other)]
         if others:
             problem = f"is a bundled {_singular(others[0])}; a {what} is needed; {listed}"
         else:

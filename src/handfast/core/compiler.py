@@ -30,12 +30,12 @@ from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 
 from handfast.core.compiled import OPTIONS
-from handfast.core.groups import LINE, FieldKind, kinds
+from handfast.core.groups import LINE_NUMBERS, FieldKind, kinds
 from handfast.core.machine_code import BASELINES, OWN_SOURCES, Baseline, Library, target_machine
 
 WORD = ir.IntType(64)
-NUMBERS: dict[type, Any] = {int: types.int64, bool: types.boolean, float: types.float64}
-DTYPES: dict[type, Any] = {np.int64: types.int64, np.bool_: types.boolean, np.float64: types.float64}
+NUMBA_SCALARS: dict[type, Any] = {int: types.int64, bool: types.boolean, float: types.float64}
+NUMBA_DTYPES: dict[type, Any] = {np.int64: types.int64, np.bool_: types.boolean, np.float64: types.float64}
 # of C's library: what machine code may leave to be found in the process
 KNOWN = {"acos", "asin", "atan", "atan2", "ceil", "cos", "exp", "fabs", "floor", "fmod", "hypot", "log", "pow", "rint"}
 KNOWN |= {"sin", "sqrt", "tan", "memset", "memcpy", "memmove"}
@@ -180,7 +180,7 @@ def _called(function: Any, takes: tuple[type, ...]) -> Any:
 
 def _given(takes: tuple[type, ...]) -> Any:
     """The function that makes a call's arguments of its words."""
-    made = types.BaseTuple.from_types([NUMBERS.get(kind) or _group_type(kind) for kind in takes])
+    made = types.BaseTuple.from_types([NUMBA_SCALARS.get(kind) or _group_type(kind) for kind in takes])
 
     @intrinsic
     def given(typing: Any, address: Any) -> Any:
@@ -188,12 +188,12 @@ def _given(takes: tuple[type, ...]) -> Any:
             words = builder.bitcast(arguments[0], WORD.as_pointer())
             values = []
             for k, (kind, type_) in enumerate(zip(takes, made, strict=True)):
-                if kind in NUMBERS:
+                if kind in NUMBA_SCALARS:
                     values.append(_number(builder, words, k, type_))
                     continue
                 table = builder.inttoptr(_number(builder, words, k, types.int64), words.type)
                 fields = enumerate(zip(kinds(kind).values(), type_, strict=True))
-                group = [_field(context, builder, table, i * LINE, *x) for i, x in fields]
+                group = [_field(context, builder, table, i * LINE_NUMBERS, *x) for i, x in fields]
                 values.append(context.make_tuple(builder, type_, group))
             return context.make_tuple(builder, made, values)
 
@@ -205,7 +205,7 @@ def _given(takes: tuple[type, ...]) -> Any:
 def _group_type(group: type) -> Any:
     """Numba's type of a group."""
     fields = [
-        types.Array(DTYPES[x.dtype], x.dimensions, "C") if x.dimensions else DTYPES[x.dtype]
+        types.Array(NUMBA_DTYPES[x.dtype], x.dimensions, "C") if x.dimensions else NUMBA_DTYPES[x.dtype]
         for x in kinds(group).values()
     ]
     return types.BaseTuple.from_types(fields, group)

@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
-KINDS = {  # classes of arguments: what is needed, and where it comes from
+ARGUMENT_NEEDS = {  # classes of arguments: what is needed, and where it comes from
     "Grasp": "a grasp is needed, such as load_grasp(NAME) reads",
     "Hand": "a hand is needed, such as load_hand(NAME) reads",
     "Body": "an object is needed, such as load_body(NAME) reads",
@@ -98,7 +98,7 @@ def require_not_negative(value: float, field: str, right: str = "0 or more is ne
 def kinds_checked(function: Callable[P, R]) -> Callable[P, R]:
     """A function that tells in words of arguments that are no grasp, hand, limits, number ... where one is needed.
 
-    It looks at the parameters whose annotation is one of `KINDS`, and what else it may be are classes.
+    It looks at the parameters whose annotation is one of `ARGUMENT_NEEDS`, and what else it may be are classes.
     """
     wanted = []
     for place, (name, parameter) in enumerate(inspect.signature(function).parameters.items()):
@@ -134,16 +134,17 @@ def _field_kinds(of: Any) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def _kinds(annotation: object) -> tuple[str, ...]:
-    """The kinds that an annotation allows; none where the first is not of `KINDS`, or others are no classes."""
+    """The kinds that an annotation allows; none where the first is not of `ARGUMENT_NEEDS`, or others are no
+    classes."""
     first, *others = str(annotation).split(" | ")
-    return (first, *others) if first in KINDS and all(kind.isidentifier() for kind in others) else ()
+    return (first, *others) if first in ARGUMENT_NEEDS and all(kind.isidentifier() for kind in others) else ()
 
 
 def _refuse_another_kind(value: object, kinds: tuple[str, ...], name: str) -> None:
     if (value is None and "None" in kinds) or any(_is_of(value, kind) for kind in kinds):
         return
     given = f"'{value}'" if isinstance(value, str) else f"of type {type(value).__name__}"
-    raise InputError(f"is {given}; {KINDS[kinds[0]]}", field=name)
+    raise InputError(f"is {given}; {ARGUMENT_NEEDS[kinds[0]]}", field=name)
 
 
 def _is_of(value: object, kind: str) -> bool:

@@ -16,10 +16,10 @@ from handfast.core import bundled
 from handfast.core.errors import FaultsOf, InputError
 from handfast.proofs import strict_json
 
-SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
+NUMBER_TOLERANCE = 1e-9  # relative, or absolute below 1: two numbers that say the same
 
 ANSWER = "an answer"
-KINDS = {  # schemas of files that are given where others are needed: what they are
+SCHEMA_KINDS = {  # schemas of files that are given where others are needed: what they are
     "handfast/body/1": "an object",
     "handfast/configuration/1": "a configuration (handfast contacts makes a grasp of it)",
     "handfast/grasp/1": "a grasp (handfast check asks about it)",
@@ -167,11 +167,11 @@ def _adapter(model: type[Any]) -> Any:
 
 
 def same_json(a: Any, b: Any) -> bool:
-    """Equal JSON, numbers within `SAME`, absolute or relative."""
+    """Equal JSON, numbers within `NUMBER_TOLERANCE`, absolute or relative."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(same_json(a[k], b[k]) for k in a)
     if isinstance(a, list) and isinstance(b, list):
         return len(a) == len(b) and all(same_json(x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, float | int) and isinstance(b, float | int):
-        return abs(a - b) <= SAME * max(1.0, abs(a))
+        return abs(a - b) <= NUMBER_TOLERANCE * max(1.0, abs(a))
     return bool(a == b)

@@ -17,7 +17,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 
-LINE = 6  # 64-bit numbers in a line of a table: an address and up to five lengths
+LINE_NUMBERS = 6  # 64-bit numbers in a line of a table: an address and up to five lengths
 WHOLE_VECTOR = 4  # numbers that the processor takes at once: arrays in one piece of memory begin at multiples
 
 
@@ -39,7 +39,7 @@ WholeMatrix = Annotated[Indices, FieldKind(np.int64, 2)]
 Flags = Annotated[Mask, FieldKind(np.bool_, 1)]
 
 _NUMBERS = {int: FieldKind(np.int64, 0), float: FieldKind(np.float64, 0), bool: FieldKind(np.bool_, 0)}
-_UNUSED = tuple((0,) * (LINE - 1 - dimensions) for dimensions in range(LINE))
+_UNUSED = tuple((0,) * (LINE_NUMBERS - 1 - dimensions) for dimensions in range(LINE_NUMBERS))
 
 Shape = tuple[int, ...]
 Group = TypeVar("Group", bound=tuple[Any, ...])
@@ -91,7 +91,10 @@ class Layout(Generic[Group]):
 
     def __init__(self, group: type[Group], shapes: Mapping[str, Shape]) -> None:
         """shapes: of all fields, in any order."""
-        self.group, self.table = group, np.zeros((len(kinds(group)), LINE), np.int64)  # its addresses are relative
+        self.group, self.table = (
+            group,
+            np.zeros((len(kinds(group)), LINE_NUMBERS), np.int64),
+        )  # its addresses are relative
         self.fields: dict[str, tuple[type, int, int, Shape]] = {}  # type of the numbers, begin and end, shape
         self.size = 0
         for line, (name, kind) in zip(self.table, kinds(group).items(), strict=True):

@@ -1,6 +1,7 @@
 """Arrays that take long to compute, kept in the user's folder under the digest of what they were computed from.
 
-The folder has at most `MOST` files. Nothing is found, or kept, where others could have put a file (`trusted.py`).
+The folder has at most `MAX_KEPT_FILES` files. Nothing is found, or kept, where others could have put a file
+(`trusted.py`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.trusted import exposed, user_cache
 
-MOST = 300
+MAX_KEPT_FILES = 300
 SEAL = 32  # bytes at the end of a file: the SHA-256 of those before. An archive that is damaged may lack a part
 
 
@@ -43,7 +44,7 @@ def recalled(name: str) -> list[Array] | None:
 
 
 def keep(name: str, arrays: Sequence[Array]) -> None:
-    """Keep arrays under a name, whoever else keeps them; beyond `MOST` files those that are oldest go."""
+    """Keep arrays under a name, whoever else keeps them; beyond `MAX_KEPT_FILES` files those that are oldest go."""
     folder, data = _folder(), io.BytesIO()
     np.savez_compressed(data, *arrays)
     with suppress(OSError):  # not ours to write to
@@ -52,7 +53,9 @@ def keep(name: str, arrays: Sequence[Array]) -> None:
             draft = folder / f"{name}.{os.getpid()}"
             draft.write_bytes(data.getvalue() + hashlib.sha256(data.getvalue()).digest())
             draft.replace(folder / f"{name}.npz")
-            for old in sorted(folder.iterdir(), key=os.path.getmtime)[:-MOST]:  # drafts that were left over, too
+            for old in sorted(folder.iterdir(), key=os.path.getmtime)[
+                :-MAX_KEPT_FILES
+            ]:  # drafts that were left over, too
                 old.unlink(missing_ok=True)
 
 

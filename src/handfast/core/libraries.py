@@ -20,7 +20,7 @@ from typing import Any
 
 from handfast.core.errors import InputError
 
-SOON = 0.02  # [s] after which is looked again whether an import goes on
+IMPORT_WAIT = 0.02  # [s] after which is looked again whether an import goes on
 
 
 def optional(module: str, problem: str, source: object = None) -> Any:
@@ -62,7 +62,7 @@ def patient_interrupt() -> Iterator[None]:
 
     def handler(number: int, frame: FrameType | None) -> None:
         if _importing(frame):
-            again = threading.Timer(SOON, interrupt_main)
+            again = threading.Timer(IMPORT_WAIT, interrupt_main)
             again.daemon = True
             looks.append(again)
             again.start()

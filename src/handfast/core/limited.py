@@ -6,8 +6,8 @@ asked, which has one line to say. On Linux that process is forked, in some milli
 already; elsewhere, and where a library must not be forked, a new interpreter begins, in about a second.
 
 Limits are the system's: bytes of memory that can be written to (RLIMIT_DATA, which Linux alone keeps), seconds of
-processor time (RLIMIT_CPU, not on Windows), so that a busy machine refuses nothing. A wall clock, `PATIENCE` times as
-long, ends everywhere what waits instead of working, and is the only limit on Windows.
+processor time (RLIMIT_CPU, not on Windows), so that a busy machine refuses nothing. A wall clock, `CLOCK_FACTOR` times
+as long, ends everywhere what waits instead of working, and is the only limit on Windows.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from handfast.core.errors import InputError
 if sys.platform != "win32":
     import resource
 
-MEMORY = 2 << 30  # [bytes] beyond what is there at the beginning
-SECONDS = 30  # of processor time
-PATIENCE = 5  # times as long is waited
-WAIT = 0.1  # [s] between looks at the result: Ctrl-C is heard in between
-LATE = "is not done in the time that was given"
+EXTRA_MEMORY = 2 << 30  # [bytes] beyond what is there at the beginning
+CPU_SECONDS = 30  # of processor time
+CLOCK_FACTOR = 5  # times as long is waited
+POLL_INTERVAL = 0.1  # [s] between looks at the result: Ctrl-C is heard in between
+TIMEOUT_REASON = "is not done in the time that was given"
 LOG = logging.getLogger("handfast")
 _NEW = "import sys; sys.path[:] = sys.argv[4:]; from handfast.core.limited import main; main(*map(int, sys.argv[1:4]))"
 
@@ -61,8 +61,8 @@ def within(seconds: float) -> Iterator[None]:
 def limited(
     function: Callable[..., Result],
     *arguments: Any,
-    memory: int = MEMORY,
-    seconds: int = SECONDS,
+    memory: int = EXTRA_MEMORY,
+    seconds: int = CPU_SECONDS,
     threads: int = 1,
     new: bool = False,
 ) -> Result:
@@ -71,7 +71,7 @@ def limited(
     Args:
         function: of a module, and its arguments such that they can be pickled, as its result.
         memory: [bytes] that it may take.
-        seconds: of processor time for each of its threads; `PATIENCE` times as long by the clock.
+        seconds: of processor time for each of its threads; `CLOCK_FACTOR` times as long by the clock.
         threads: that it may use all the time.
         new: in a new interpreter, for libraries that do not work in a forked process.
 
@@ -80,11 +80,11 @@ def limited(
         Exception: what the function raises.
     """
     forked = parallel.START == "fork" and not new
-    wait, left = float(PATIENCE * seconds), max(_UNTIL.get() - time.monotonic(), WAIT)
+    wait, left = float(CLOCK_FACTOR * seconds), max(_UNTIL.get() - time.monotonic(), POLL_INTERVAL)
     limits = memory, seconds * threads
     reply, code = (_forked if forked else _begun)(function, arguments, limits, min(wait, left))
     if code is None and left < wait:
-        raise InputError(LATE)
+        raise InputError(TIMEOUT_REASON)
     if code != 0 or not reply:
         raise InputError(_ending(code, memory, seconds))
     good, result, records = pickle.loads(reply)  # of our own process
@@ -126,7 +126,7 @@ def _received(pipe: int, until: float) -> bytes | None:
     parts: list[bytes] = []
     poll.register(pipe, select.POLLIN)
     while time.monotonic() < until:
-        if poll.poll(1000 * WAIT):
+        if poll.poll(1000 * POLL_INTERVAL):
             part = os.read(pipe, 1 << 20)
             if not part:
                 return b"".join(parts)
@@ -226,7 +226,7 @@ def _unlimit() -> None:
 def _ending(code: int | None, memory: int, seconds: int) -> str:
     """Why there is no whole reply."""
     if code is None:
-        return f"is not done after {PATIENCE * seconds} s"
+        return f"is not done after {CLOCK_FACTOR * seconds} s"
     if sys.platform != "win32" and code == -signal.SIGXCPU:
         return f"takes more than {seconds} s of processor time"
     name = signal.Signals(-code).name if code < 0 else f"status {code}"

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 START = "fork" if sys.platform.startswith("linux") else "spawn"  # how multiprocessing begins a process here
 DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
-WAIT = 0.1  # [s] between looks at a result: Ctrl-C is heard in between, and the time is looked at
+POLL_INTERVAL = 0.1  # [s] between looks at a result: Ctrl-C is heard in between, and the time is looked at
 LOOK = 0.005  # [s] between looks at a result of a cluster
-AHEAD = 16  # items for each worker that are begun before the first result is taken,
+ITEMS_AHEAD = 16  # items for each worker that are begun before the first result is taken,
 AHEAD_IN_CLUSTER = 2  # and of a cluster that are sent before it is free: a message takes a while
-PATIENCE = 20.0  # [s] for a scheduler to answer
+SCHEDULER_TIMEOUT = 20.0  # [s] for a scheduler to answer
 
 Shared = TypeVar("Shared")
 Item = TypeVar("Item")
@@ -186,14 +186,14 @@ class WorkerPool(Workers[Shared]):
                 self._idle.put(process)
             self._pool = multiprocessing.pool.ThreadPool(self.jobs)  # each process is waited for by a thread
         call = partial(function, self.shared) if self.threads else partial(self._sent, function)
-        left, most = iter(items), AHEAD * self.jobs if ahead is None else ahead
+        left, most = iter(items), ITEMS_AHEAD * self.jobs if ahead is None else ahead
         begun: deque[Any] = deque()
         while True:
             begun.extend(self._pool.apply_async(call, (item,)) for item in islice(left, most - len(begun)))
             if not begun:
                 return
             while time.monotonic() < until and not begun[0].ready():
-                begun[0].wait(WAIT)
+                begun[0].wait(POLL_INTERVAL)
             if time.monotonic() >= until:
                 return
             yield begun.popleft().get()
@@ -236,7 +236,7 @@ class WorkerPool(Workers[Shared]):
             for process in self._processes:
                 give(process)
             while busy:
-                for pipe in wait(list(busy), WAIT):
+                for pipe in wait(list(busy), POLL_INTERVAL):
                     process, item = busy.pop(pipe)
                     result = process.result()
                     if isinstance(result, Died):
@@ -369,7 +369,7 @@ class DaskWorkers(Workers[Shared]):
         self.shared, self.address = shared, address
         where = _address_in(address) if address.endswith(".json") else address
         try:
-            self._client = Client(where, timeout=PATIENCE, set_as_default=False)
+            self._client = Client(where, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as fault:
             problem = f"no Dask scheduler answers ({' '.join(str(fault).split())[:100] or type(fault).__name__})"
             raise InputError(problem, source=address) from None
@@ -449,4 +449,4 @@ class DaskWorkers(Workers[Shared]):
             raise
 
     def close(self) -> None:
-        self._client.close(timeout=WAIT)
+        self._client.close(timeout=POLL_INTERVAL)

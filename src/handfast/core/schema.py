@@ -39,7 +39,7 @@ class InFiles:
 
 # metadata of a field that `written` leaves out where it has its default, and of one of several numbers, some of which
 # may be infinite and are null then
-LEFT_OUT, OPEN = {"written": "left out"}, {"written": "open"}
+LEFT_OUT, OPEN_FIELD = {"written": "left out"}, {"written": "open"}
 
 
 class Numbers:
@@ -64,7 +64,7 @@ class Numbers:
 class NullFor:
     """A number that a file gives as null where it is `value`, an infinity: `Annotated[float, NullFor(inf)]`.
 
-    The field has the metadata `OPEN`.
+    The field has the metadata `OPEN_FIELD`.
     """
 
     def __init__(self, value: float) -> None:

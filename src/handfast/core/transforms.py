@@ -9,7 +9,7 @@ from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 
 _AFTER, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])  # which coordinates follow x, y, z, and come before them
-FARTHEST = 1e6  # [m] what reaches further is in another unit
+MAX_COORDINATE = 1e6  # [m] what reaches further is in another unit
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -56,14 +56,15 @@ def transform(position: ArrayLike, rotation: ArrayLike | None = None) -> Array:
 
 
 def rigid(pose: object, field: str = "pose") -> Array:
-    """`pose` as a read-only (4, 4) rigid motion; `InputError` unless it is one to 1e-6, at most `FARTHEST` away."""
+    """`pose` as a read-only (4, 4) rigid motion; `InputError` unless it is one to 1e-6, at most `MAX_COORDINATE`
+    away."""
     T = frozen(pose, (4, 4), field)
     R = np.clip(T[:3, :3], -2, 2)  # no product overflows, and what is clipped turns nothing
     turns = np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0
     if not turns or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
         raise InputError("is not a rigid motion; a rotation and a translation are needed", field=field)
-    if np.abs(T[:3, 3]).max() > FARTHEST:
-        raise InputError(f"is more than {FARTHEST:g} m away", field=field)
+    if np.abs(T[:3, 3]).max() > MAX_COORDINATE:
+        raise InputError(f"is more than {MAX_COORDINATE:g} m away", field=field)
     return T
 
 

@@ -29,15 +29,15 @@ from handfast.core.files import read_json
 from handfast.core.libraries import optional
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspDataset, PosedRow, printable
 
-LONGEST = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
-BLOCK = 1 << 20  # [bytes] read at a time
-BESIDE = (".jsonl.about.json", ".summary.json")  # how files of labels end that are no grasp files,
+MAX_ROW_BYTES = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
+READ_BYTES = 1 << 20  # [bytes] read at a time
+COMPANION_ENDINGS = (".jsonl.about.json", ".summary.json")  # how files of labels end that are no grasp files,
 IMPORT = "import.json"
 IN_THE_MAKING = (".jsonl.parts", ".parquet.parts")  # and folders that have such files
-ROWS = 1024  # read at a time
-HEADER = 10_000  # characters of an .npy header
-PARTS = {"object_position": ("object_pose.position", 3), "object_quaternion": ("object_pose.quaternion", 4)}
-NEEDED = ("joints", *PARTS)
+READ_ROWS = 1024  # read at a time
+MAX_NPY_HEADER = 10_000  # characters of an .npy header
+POSE_COLUMNS = {"object_position": ("object_pose.position", 3), "object_quaternion": ("object_pose.quaternion", 4)}
+NEEDED = ("joints", *POSE_COLUMNS)
 OPTIONAL = ("preload", "mass", "friction", "name")
 PUBLISHED = ("file", "index")  # of a row that `import` wrote
 DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError)  # what an archive raises that was changed or cut
@@ -117,8 +117,8 @@ def _published(file: Path, dataset: Path) -> dict[str, str]:
 
 def _content(file: Path) -> str | FaultyRow:
     try:
-        if file.stat().st_size > LONGEST:
-            return FaultyRow(f"is larger than {LONGEST >> 20} MiB")
+        if file.stat().st_size > MAX_ROW_BYTES:
+            return FaultyRow(f"is larger than {MAX_ROW_BYTES >> 20} MiB")
         return file.read_text("utf-8")
     except OSError as fault:
         return FaultyRow(f"cannot be read: {fault.strerror}")
@@ -129,7 +129,7 @@ def _content(file: Path) -> str | FaultyRow:
 def _of_labels(file: str) -> bool:
     """Is it a file that a table of labels has beside it? The table may be in the folder that it is about."""
     *folders, name = Path(file).parts
-    return name.endswith(BESIDE) or any(folder.endswith(IN_THE_MAKING) for folder in folders)
+    return name.endswith(COMPANION_ENDINGS) or any(folder.endswith(IN_THE_MAKING) for folder in folders)
 
 
 class GraspLines(GraspDataset):
@@ -141,7 +141,7 @@ class GraspLines(GraspDataset):
         super().__init__(path)
         lines, last = 0, b"\n"
         with open(path, "rb") as stream:
-            while block := stream.read(BLOCK):
+            while block := stream.read(READ_BYTES):
                 lines, last = lines + block.count(b"\n"), block
         self.count = lines + (not last.endswith(b"\n"))
         if not self.count:
@@ -150,18 +150,18 @@ class GraspLines(GraspDataset):
     def items(self) -> Iterator[bytes | None]:
         """Lines; None for one that is too long."""
         with open(self.path, "rb") as stream:
-            while line := stream.readline(LONGEST):
-                if len(line) < LONGEST or line.endswith(b"\n"):
+            while line := stream.readline(MAX_ROW_BYTES):
+                if len(line) < MAX_ROW_BYTES or line.endswith(b"\n"):
                     yield line
                     continue
-                while (rest := stream.readline(LONGEST)) and not rest.endswith(b"\n"):
+                while (rest := stream.readline(MAX_ROW_BYTES)) and not rest.endswith(b"\n"):
                     pass
                 yield None
 
     def row(self, number: int, item: bytes | None) -> DatasetRow:
         name = f"line {number + 1}"
         if item is None:
-            return DatasetRow(number, name, FaultyRow(f"is longer than {LONGEST >> 20} MiB"))
+            return DatasetRow(number, name, FaultyRow(f"is longer than {MAX_ROW_BYTES >> 20} MiB"))
         if not item.strip():
             return DatasetRow(number, name, FaultyRow("is empty; a grasp file in each line is needed"))
         try:
@@ -224,8 +224,8 @@ class PackedPostures(PostureTable):
             archive = stack.enter_context(zipfile.ZipFile(self.path))
             streams = {key: stack.enter_context(archive.open(f"{key}.npy")) for key in self.keys}
             kinds = {key: _header(stream, key) for key, stream in streams.items()}
-            for first in range(0, self.count, ROWS):
-                rows = min(ROWS, self.count - first)
+            for first in range(0, self.count, READ_ROWS):
+                rows = min(READ_ROWS, self.count - first)
                 block = {key: self._block(streams[key], key, kinds[key], rows) for key in self.keys}
                 for k in range(rows):
                     yield {key: values[k] for key, values in block.items()}
@@ -247,7 +247,7 @@ def _header(stream: Any, key: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of an array; the stream stands at its first number then."""
     version = npy.read_magic(stream)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, columns, dtype = read(stream, max_header_size=HEADER)
+    shape, columns, dtype = read(stream, max_header_size=MAX_NPY_HEADER)
     if dtype.kind not in ("U" if key == "name" else "fiu") or (columns and len(shape) > 1):
         need = "texts" if key == "name" else "numbers, row by row (C order)"
         raise InputError(f"is an array of {dtype}; {need} are needed", field=key)
@@ -286,7 +286,7 @@ class ParquetPostures(PostureTable):
         wanted = [name for columns in self._taken.values() for name in columns.values()]
         try:
             with parquet.ParquetFile(self.path) as file:
-                for batch in file.iter_batches(ROWS, columns=wanted):
+                for batch in file.iter_batches(READ_ROWS, columns=wanted):
                     yield from (self._item(row) for row in batch.to_pylist())
         except (ArrowException, OSError) as fault:
             raise InputError(f"is damaged ({' '.join(str(fault).split())[:80]})", source=str(self.path)) from None
@@ -296,7 +296,7 @@ class ParquetPostures(PostureTable):
         for key, columns in self._taken.items():
             if key in columns:
                 out[key] = row[columns[key]]
-            elif key in PARTS:
+            elif key in POSE_COLUMNS:
                 out[key] = [row[name] for name in columns.values()]
             else:
                 out[key] = {part: np.nan if row[name] is None else row[name] for part, name in columns.items()}
@@ -307,8 +307,8 @@ def _columns(key: str, names: list[str]) -> dict[str, str]:
     """Where a value is: in a column of its own under its key, or each of its parts in one; empty if nowhere."""
     if key in names:
         return {key: key}
-    if key in PARTS:
-        stem, count = PARTS[key]
+    if key in POSE_COLUMNS:
+        stem, count = POSE_COLUMNS[key]
         parts = {str(k): f"{stem}.{k}" for k in range(count)}
         return parts if set(parts.values()) <= set(names) else {}
     return {n.removeprefix(f"{key}."): n for n in names if n.startswith(f"{key}.")}

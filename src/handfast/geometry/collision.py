@@ -6,7 +6,7 @@ exempt there, and since a pair has one deepest point only, the rest of both surf
 
 Limits of what is measured. Solids are convex pieces: the depth in an object of several pieces is that in
 the deepest piece, at most the depth in their union. Nothing beyond the cutoff is seen. Outside its discs an exempt
-pair counts from a depth of `FINE` on, where a sample is inside; samples are about a third of a radius apart.
+pair counts from a depth of `EXEMPT_DEPTH` on, where a sample is inside; samples are about a third of a radius apart.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 DISC = 5e-3  # [m]
-CUTOFF = 0.02  # [m]
-DEPTH = 1e-3  # [m] penetration that is let pass
-FINE = 5e-5  # [m] an exempt pair no deeper than this is not sampled
-SAMPLES = 100  # configurations in which a pair of links must overlap to count as overlapping always
-STEP = 1e-6  # [m] of the differences that give a surface's direction
+COLLISION_CUTOFF = 0.02  # [m]
+ALLOWED_DEPTH = 1e-3  # [m] penetration that is let pass
+EXEMPT_DEPTH = 5e-5  # [m] an exempt pair no deeper than this is not sampled
+PAIR_SAMPLES = 100  # configurations in which a pair of links must overlap to count as overlapping always
+GRADIENT_STEP = 1e-6  # [m] of the differences that give a surface's direction
 
 Pair = tuple[int, int]
 
@@ -130,7 +130,9 @@ class Clearances:
         """Smallest of `between`."""
         return float(self.between.min(initial=self.cutoff))
 
-    def free(self, depth: float = DEPTH, at_contacts: float = DEPTH, self_depth: float = DEPTH) -> bool:
+    def free(
+        self, depth: float = ALLOWED_DEPTH, at_contacts: float = ALLOWED_DEPTH, self_depth: float = ALLOWED_DEPTH
+    ) -> bool:
         """Whether nothing penetrates by more than what is let pass.
 
         Args:
@@ -140,7 +142,9 @@ class Clearances:
         """
         return not self.reasons(depth, at_contacts, self_depth)
 
-    def reasons(self, depth: float = DEPTH, at_contacts: float = DEPTH, self_depth: float = DEPTH) -> tuple[str, ...]:
+    def reasons(
+        self, depth: float = ALLOWED_DEPTH, at_contacts: float = ALLOWED_DEPTH, self_depth: float = ALLOWED_DEPTH
+    ) -> tuple[str, ...]:
         """Why it is not free, in words, what exceeds its allowance most first; () if it is. As `free`."""
         found = [
             (d + depth, f"{name} is {-d * 1e3:.2g} mm inside the object")
@@ -192,7 +196,7 @@ class Collisions:
         scene: Scene,
         *,
         radius: float = DISC,
-        cutoff: float = CUTOFF,
+        cutoff: float = COLLISION_CUTOFF,
         left_out: Sequence[Pair] | None = None,
         at_rest: Array | None = None,
     ) -> None:
@@ -236,7 +240,7 @@ class Collisions:
         )
 
     def separations(
-        self, q: Array, object_pose: Array, requested: Sequence[Requested] = (), margin: float = DEPTH
+        self, q: Array, object_pose: Array, requested: Sequence[Requested] = (), margin: float = ALLOWED_DEPTH
     ) -> list[SeparationVector]:
         """What is nearer than `margin` [m] and should not be, deepest first; discs and pairs as in `clearances`.
 
@@ -245,7 +249,7 @@ class Collisions:
         """
         if not margin <= self.cutoff:
             raise InputError(f"is {margin:g}; beyond the cutoff of {self.cutoff:g} m nothing is seen", field="margin")
-        reach = max(margin, STEP)
+        reach = max(margin, GRADIENT_STEP)
         object_pairs, self_pairs = self.scene.pairs(q, checked_pose(object_pose), reach)
         found, _ = self._apart(object_pairs, requested)
         for m in (m for m in self_pairs if (m.first, m.second) in self._row):
@@ -270,7 +274,7 @@ class Collisions:
                 found.append(SeparationVector(n.link, n.on_hand, None, n.on_object, -n.normal, n.distance))
                 continue
             inside[discs] = np.minimum(inside[discs], n.distance)
-            if n.distance < -FINE:
+            if n.distance < -EXEMPT_DEPTH:
                 own = np.array([r.point for r, link in zip(requested, owner, strict=True) if link == n.link])
                 found += self._rest(n, own)
         for k in np.flatnonzero(np.isinf(inside)).tolist():  # its nearest point is somewhere else
@@ -301,7 +305,7 @@ class Collisions:
             x = surfaces[one].about(surfaces[other], _local(poses[one], poses[other]))
             x = x @ poses[one][:3, :3].T + poses[one][:3, 3]
             along = x @ n.normal if other else -x @ n.normal  # all that overlaps is in the slab of the deepest points
-            x = x[along >= behind - STEP]
+            x = x[along >= behind - GRADIENT_STEP]
             x = x[(((x[:, None] - points) ** 2).sum(axis=2) > self.radius**2).all(axis=1)]
             if len(x):
                 inside = solids[other].depth(_at(poses[other], x))
@@ -322,7 +326,7 @@ class Collisions:
 
 
 def always_meeting(scene: Scene) -> tuple[Pair, ...]:
-    """Pairs of `scene.self_pairs` that overlap at every one of `SAMPLES` configurations within the limits.
+    """Pairs of `scene.self_pairs` that overlap at every one of `PAIR_SAMPLES` configurations within the limits.
 
     They are drawn uniformly, mimic joints following their drivers. Such an overlap is a fault of the
     collision model, not of a configuration. Links that no joint moves against each other within its limits
@@ -332,11 +336,11 @@ def always_meeting(scene: Scene) -> tuple[Pair, ...]:
     lower, upper = hand.limits.T
     free = {j for j in range(hand.l) if lower[j] < upper[j]}
     left = {p for p in scene.self_pairs if free & (set(hand.moved_by(p[0])) ^ set(hand.moved_by(p[1])))}
-    for _ in range(SAMPLES):
+    for _ in range(PAIR_SAMPLES):
         if not left:
             break
         q = np.clip(coupled(hand, lower + rng.random(hand.l) * (upper - lower)), lower, upper)
-        left &= {(m.first, m.second) for m in scene.self_collisions(q, STEP) if m.distance < 0}
+        left &= {(m.first, m.second) for m in scene.self_collisions(q, GRADIENT_STEP) if m.distance < 0}
     return tuple(sorted(left))
 
 
@@ -386,12 +390,12 @@ def samples(shape: Shape, spacing: float) -> Array:
 def _outwards(shape: Shape, points: Array) -> Array:
     """(n, 3) unit directions in which (n, 3) or (3,) points leave a solid soonest, carrier's frame."""
     p = np.atleast_2d(points)
-    steps = STEP * np.eye(3)
+    steps = GRADIENT_STEP * np.eye(3)
     slope = np.stack([shape.depth(p - e) - shape.depth(p + e) for e in steps], axis=1)
     length = np.linalg.norm(slope, axis=1, keepdims=True)
     away = p - shape.centroid  # where all directions are equal
     other = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
-    return np.where(length > STEP * 1e-3, slope / np.maximum(length, 1e-15), other)
+    return np.where(length > GRADIENT_STEP * 1e-3, slope / np.maximum(length, 1e-15), other)
 
 
 def _at(pose: Array, points: Array) -> Array:

@@ -24,12 +24,12 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.shape import Shape
 
-FLAT = 1e-4  # [m] what is this near to the outermost plane of a solid belongs to its face
-SAME = 1e-6  # [m]
-CORNERS = 4
-EDGES = 8
-PATCH = np.radians(30)  # normals of one patch differ from its first by no more
-TOLERANCE = 0.05
+FACE_DEPTH = 1e-4  # [m] what is this near to the outermost plane of a solid belongs to its face
+CORNER_TOLERANCE = 1e-6  # [m]
+PATCH_CORNERS = 4
+PATCH_CONE_EDGES = 8
+PATCH_ANGLE = np.radians(30)  # normals of one patch differ from its first by no more
+REDUCTION_TOLERANCE = 0.05
 
 
 def patch(a: Shape, b: Shape, normal: Array, middle: Array) -> Array:
@@ -42,8 +42,8 @@ def patch(a: Shape, b: Shape, normal: Array, middle: Array) -> Array:
     """
     n = np.asarray(normal)
     plane = normal_frame(n)[:, 1:].copy()  # (3, 2)
-    first = outline((a.feature(n, FLAT) - middle) @ plane)
-    second = outline((b.feature(-n, FLAT) - middle) @ plane)
+    first = outline((a.feature(n, FACE_DEPTH) - middle) @ plane)
+    second = outline((b.feature(-n, FACE_DEPTH) - middle) @ plane)
     if len(first) == 1 or len(second) == 1:
         return np.asarray(middle)[None]
     corners = few(outline(overlap(first, second)))
@@ -53,15 +53,15 @@ def patch(a: Shape, b: Shape, normal: Array, middle: Array) -> Array:
 def outline(points: Array) -> Array:
     """Convex outline of (n, 2) points, anticlockwise; one point or two where they coincide or line up."""
     p = points[np.lexsort((points[:, 1], points[:, 0]))]
-    if len(p) == 0 or np.ptp(p, axis=0).max() < SAME:
+    if len(p) == 0 or np.ptp(p, axis=0).max() < CORNER_TOLERANCE:
         return p[:1]
 
     def chain(q: Array) -> list[Array]:
         out: list[Array] = []
         for x in q:
-            while len(out) > 1 and _turn(out[-2], out[-1], x) <= SAME * np.linalg.norm(x - out[-2]):
+            while len(out) > 1 and _turn(out[-2], out[-1], x) <= CORNER_TOLERANCE * np.linalg.norm(x - out[-2]):
                 out.pop()
-            if not out or np.linalg.norm(x - out[-1]) > SAME:
+            if not out or np.linalg.norm(x - out[-1]) > CORNER_TOLERANCE:
                 out.append(x)
         return out
 
@@ -87,7 +87,7 @@ def overlap(first: Array, second: Array) -> Array:
 
 def few(corners: Array) -> Array:
     """At most four of an outline's corners, spread as widely as possible."""
-    if len(corners) <= CORNERS:
+    if len(corners) <= PATCH_CORNERS:
         return corners
     far = np.linalg.norm(corners[:, None] - corners[None], axis=2).round(9)
     i, j = np.unravel_index(far.argmax(), far.shape)
@@ -104,8 +104,8 @@ def _inside(p: Array, outline: Array) -> bool:
     if len(outline) == 2:
         a, b = outline
         along = np.clip((p - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
-        return bool(np.linalg.norm(a + along * (b - a) - p) <= SAME)
-    return all(_turn(a, b, p) >= -SAME * np.linalg.norm(b - a) for a, b in _edges(outline))
+        return bool(np.linalg.norm(a + along * (b - a) - p) <= CORNER_TOLERANCE)
+    return all(_turn(a, b, p) >= -CORNER_TOLERANCE * np.linalg.norm(b - a) for a, b in _edges(outline))
 
 
 def _turn(a: Array, b: Array, c: Array) -> float:
@@ -131,7 +131,9 @@ class ReducedContacts:
     error: float
 
 
-def reduced_contacts(contacts: Sequence[Contact], body: Body, tolerance: float = TOLERANCE) -> ReducedContacts:
+def reduced_contacts(
+    contacts: Sequence[Contact], body: Body, tolerance: float = REDUCTION_TOLERANCE
+) -> ReducedContacts:
     """The contacts without those that add no more than `tolerance` to the wrenches of their patch; 0 keeps all."""
     if not (np.isfinite(tolerance) and 0 <= tolerance < 1):
         raise InputError(f"is {tolerance}; a number from 0 to below 1 is needed", field="tolerance")
@@ -149,12 +151,14 @@ def reduced_contacts(contacts: Sequence[Contact], body: Body, tolerance: float =
 
 
 def patches(contacts: Sequence[Contact]) -> list[list[int]]:
-    """Contacts of one link whose normals are within `PATCH` of that of the deepest that is left, as indices."""
+    """Contacts of one link whose normals are within `PATCH_ANGLE` of that of the deepest that is left, as indices."""
     left = sorted(range(len(contacts)), key=lambda i: (contacts[i].link, -contacts[i].depth, i))
     found = []
     while left:
         lead = contacts[left[0]]
-        near = [i for i in left if contacts[i].link == lead.link and contacts[i].normal @ lead.normal >= np.cos(PATCH)]
+        near = [
+            i for i in left if contacts[i].link == lead.link and contacts[i].normal @ lead.normal >= np.cos(PATCH_ANGLE)
+        ]
         found.append(near)
         left = [i for i in left if i not in near]
     return found
@@ -163,7 +167,7 @@ def patches(contacts: Sequence[Contact]) -> list[list[int]]:
 def wrench_edges(contact: Contact, center: Array, radius: float) -> Array:
     """(EDGES, 6) unit wrenches along the edges of a contact's friction cone, torques about `center` over `radius`."""
     n, t1, t2 = contact.frame.T
-    around = 2 * np.pi * np.arange(EDGES) / EDGES
+    around = 2 * np.pi * np.arange(PATCH_CONE_EDGES) / PATCH_CONE_EDGES
     forces = n + contact.friction * (np.outer(np.cos(around), t1) + np.outer(np.sin(around), t2))
     wrenches = np.hstack([forces, np.cross(contact.position - center, forces) / radius])
     return wrenches / np.linalg.norm(wrenches, axis=1)[:, None]

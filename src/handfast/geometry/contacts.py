@@ -21,9 +21,9 @@ from handfast.model.provenance import Provenance, SourceFile
 from handfast.model.shape import Shape
 
 THRESHOLD = 5e-4  # [m] surfaces nearer than this touch
-HIDDEN = 1e-5  # [m] a point this deep inside another solid of the same body is on no real surface
+HIDDEN_DEPTH = 1e-5  # [m] a point this deep inside another solid of the same body is on no real surface
 SEAM = 5e-5  # [m] above a hidden face, the neighbour begins at the latest here
-ROUNDING = 1e-7  # [m]
+DEPTH_ROUNDING = 1e-7  # [m]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -252,7 +252,7 @@ def _hidden_points(points: Array, outwards: Array, solids: Sequence[Shape], own:
     above = points.mean(axis=0) + SEAM * outwards
     for k, solid in enumerate(solids):
         if k != own:
-            out |= (solid.depth(points) > HIDDEN) | (solid.depth(above)[0] > ROUNDING)
+            out |= (solid.depth(points) > HIDDEN_DEPTH) | (solid.depth(above)[0] > DEPTH_ROUNDING)
     return out
 
 

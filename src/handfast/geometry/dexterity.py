@@ -25,7 +25,7 @@ from handfast.core.arrays import Array, frozen
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 
-RANK = 1e-9  # of the largest singular value
+RANK_TOLERANCE = 1e-9  # of the largest singular value
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +130,8 @@ def object_singular_values(grasp: Grasp, *, locked: Sequence[str] = ()) -> Array
     length = np.array([size if joint.type == "prismatic" else 1.0 for joint in grasp.joints])
     still = [i for i, joint in enumerate(grasp.joints) if joint.name in locked]
     speeds = _free(np.vstack([grasp.mechanism.A * length, np.eye(grasp.l)[still]]))  # (l, k)
-    H = np.linalg.pinv(G.T, rcond=RANK) @ (grasp.J * length / size) @ speeds
-    return _largest(H, np.linalg.matrix_rank(G, tol=RANK * np.linalg.norm(G, 2)))
+    H = np.linalg.pinv(G.T, rcond=RANK_TOLERANCE) @ (grasp.J * length / size) @ speeds
+    return _largest(H, np.linalg.matrix_rank(G, tol=RANK_TOLERANCE * np.linalg.norm(G, 2)))
 
 
 def finger_manipulability(hand: Hand, link: int, point: Array, q: Array) -> float:
@@ -145,7 +145,7 @@ def finger_manipulability(hand: Hand, link: int, point: Array, q: Array) -> floa
     fixed = [j for j, joint in enumerate(hand.joints) if joint.lower == joint.upper]
     speeds = _free(np.vstack([hand.mechanism_at(q).A, np.eye(hand.l)[fixed]]))[chain]
     left, values, _ = np.linalg.svd(speeds, full_matrices=False)
-    own = left[:, values > RANK]  # (|chain|, k) orthonormal: speeds of this finger alone
+    own = left[:, values > RANK_TOLERANCE]  # (|chain|, k) orthonormal: speeds of this finger alone
     found = _largest(hand.jacobian(link, point, q)[:, chain] @ own, 3)
     return float(found.prod()) if found.size else 0.0
 
@@ -170,7 +170,7 @@ def _free(A: Array) -> Array:
     if not A.shape[1]:
         return np.zeros((0, 0))
     _, values, rows = np.linalg.svd(np.vstack([A, np.zeros((1, A.shape[1]))]))
-    rank = int((values > RANK * max(float(values.max()), RANK)).sum())
+    rank = int((values > RANK_TOLERANCE * max(float(values.max()), RANK_TOLERANCE)).sum())
     return rows[rank:].T
 
 

@@ -17,9 +17,9 @@ from handfast.model.mechanism import Mechanism
 from handfast.proofs.motors import STOP_ANGLE, STOP_TRAVEL
 
 TENDON = "tendon "  # begins the name of a joint that stands for the length of one
-TURNED = {"lower": "upper", "upper": "lower"}
+OPPOSITE_STOP = {"lower": "upper", "upper": "lower"}
 PARTED = 1e-4  # [rad, m] by which a joint is off its coupling where the clutch has opened
-NEGLIGIBLE = 1e-9  # [N m, N] of a spring that stands at its rest but for rounding
+NEGLIGIBLE_TORQUE = 1e-9  # [N m, N] of a spring that stands at its rest but for rounding
 
 
 def joints_and_mechanism(
@@ -64,7 +64,7 @@ def joints_and_mechanism(
         friction, torque, stop = _laws(joint, float(q[j]))
         stop = "" if j in loose else stop
         if sign[j] < 0:
-            torque, stop = -torque, TURNED.get(stop, stop)  # type: ignore[assignment]
+            torque, stop = -torque, OPPOSITE_STOP.get(stop, stop)  # type: ignore[assignment]
         joints.append(GraspJoint(joint.name, axis, origin, contacts, joint.type, friction, torque, stop))
     none = np.zeros(len(acting))
     return joints, _restricted(whole, kept, np.r_[sign, none + 1], np.r_[hand.closing != 0, none != 0], held)
@@ -74,7 +74,7 @@ def _laws(of: Joint | PassiveTendon, value: float) -> tuple[float, float, Litera
     """Friction, given torque and stop at a value, in its own sense."""
     near = STOP_ANGLE if isinstance(of, Joint) and of.type == "revolute" else STOP_TRAVEL
     torque = of.law.torque(value)
-    return of.law.friction, torque if abs(torque) > NEGLIGIBLE else 0.0, of.law.stop(value, near)
+    return of.law.friction, torque if abs(torque) > NEGLIGIBLE_TORQUE else 0.0, of.law.stop(value, near)
 
 
 def _loose(hand: Hand, q: Array) -> set[int]:

@@ -26,15 +26,18 @@ from handfast.model.shape import Faces, Shape
 from handfast.readers.region_file import load_hand_regions
 
 FORWARD = 0.25  # a tip also touches with its end: share of the outward direction in its facing one
-FACING = np.cos(np.radians(50))  # of the angle between a facing triangle's normal and the facing direction
+FACING_COSINE = np.cos(np.radians(50))  # of the angle between a facing triangle's normal and the facing direction
 HALF_ANGLE = np.radians(60)  # of a cap on a sphere
-CROWN, TURN = 2e-4, np.radians(2.5)  # [m, rad] how much a flat pad is rounded at least: flat on flat has no proof
-ROUND = 3e-4  # [m] a part this near to a sphere is taken as one
-WIDEST = 0.05  # [m] radius of the largest sphere that counts as one
-FINE = 8  # cells along a facing part when its triangles are cut
-HIDDEN = 1e-5  # [m] inside another shape of the link
+CROWN, CROWN_ANGLE = (
+    2e-4,
+    np.radians(2.5),
+)  # [m, rad] how much a flat pad is rounded at least: flat on flat has no proof
+SPHERE_TOLERANCE = 3e-4  # [m] a part this near to a sphere is taken as one
+MAX_SPHERE_RADIUS = 0.05  # [m] radius of the largest sphere that counts as one
+FACING_CELLS = 8  # cells along a facing part when its triangles are cut
+COVERED_DEPTH = 1e-5  # [m] inside another shape of the link
 NEARLY_CLOSED = 0.75  # of the closing ranges, where the tips are near the grasp centre
-SMALLEST = 4e-3  # [m] a face narrower than twice this makes no region
+MIN_FACE_WIDTH = 4e-3  # [m] a face narrower than twice this makes no region
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +166,10 @@ def _seen(shapes: tuple[Shape, ...], k: int, part: _FacingPart) -> float:
     """[m^2] how much of a shape's surface faces forwards, is in no other shape, and at a tip is near its end."""
     vertices, faces = _cut(*shapes[k].triangles())
     middles, normals, area = _measured(vertices, faces)
-    shown = normals @ part.facing > FACING
+    shown = normals @ part.facing > FACING_COSINE
     for i, other in enumerate(shapes):
         if i != k:
-            shown &= other.depth(middles) < HIDDEN
+            shown &= other.depth(middles) < COVERED_DEPTH
     if part.role == "tip":
         every = np.vstack([s.triangles()[0] for s in shapes])
         along, across = every @ part.outward, np.cross(part.outward, part.facing)
@@ -182,11 +185,11 @@ def _of_shape(shape: Shape, part: _FacingPart) -> tuple[Region, float] | None:
         return _crowned(shape, part)
     vertices, faces = _cut(*shape.triangles())
     _, normals, _ = _measured(vertices, faces)
-    shown = np.flatnonzero(normals @ part.facing > FACING)
+    shown = np.flatnonzero(normals @ part.facing > FACING_COSINE)
     if not len(shown):
         return None
     center, radius, error = _sphere(vertices[np.unique(faces[shown])])
-    if error < ROUND and radius < WIDEST:
+    if error < SPHERE_TOLERANCE and radius < MAX_SPHERE_RADIUS:
         return Cap(center, radius, part.facing, HALF_ANGLE * 0.8), error
     try:
         fitted = fit(vertices, faces, shown)
@@ -203,13 +206,13 @@ def _crowned(box: Shape, part: _FacingPart) -> tuple[Region, float] | None:
     normal = np.sign(towards[k]) * np.eye(3)[k]
     sides = [i for i in range(3) if i != k]
     rho = float(half[sides].min())
-    if rho < SMALLEST:
+    if rho < MIN_FACE_WIDTH:
         return None
     middle = half * normal
     if part.role == "tip":
         out = (R.T @ part.outward)[sides]
         middle[sides] = np.where(np.abs(out) > 0.3, np.sign(out), 0.0) * (half[sides] - rho)
-    crown = max(CROWN, rho * float(np.tan(TURN / 2)))
+    crown = max(CROWN, rho * float(np.tan(CROWN_ANGLE / 2)))
     radius = (rho**2 + crown**2) / (2 * crown)
     center = middle + (crown - radius) * normal
     return Cap(R @ center + box.pose[:3, 3], radius, R @ normal, float(np.arcsin(rho / radius))), crown
@@ -242,7 +245,7 @@ def _cut(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """Triangles cut to a fraction of the size of the whole, vertices at one place as one."""
     from trimesh.remesh import subdivide_to_size
 
-    size = float(np.ptp(vertices, axis=0).max()) / FINE
+    size = float(np.ptp(vertices, axis=0).max()) / FACING_CELLS
     cut, parts = subdivide_to_size(vertices, faces, size, max_iter=12)
     unique, same = np.unique(cut.round(12), axis=0, return_inverse=True)
     return unique, same.reshape(-1)[parts]

@@ -15,13 +15,13 @@ from handfast.model.region import Bezier
 from handfast.model.shape import Faces
 
 STEEPEST = np.radians(80)  # a triangle further from the mean direction than this cannot be projected along it
-SIDES = (1.0, 0.75, 0.5, 0.25, 0.0)  # how far the patch's sides follow the outline, from the corners' chords on
+SIDE_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # how far the patch's sides follow the outline, from the corners' chords on
 REGULAR = 0.2  # least sine of the angle between the parameter lines, and least ratio of areas over the patch
-OUTSIDE = 0.01, 0.6  # of the selection's size, and of its edges, by which a parameter line may leave it
-LEAST, MOST = 0.6, 1.2  # coverage
-GRID = 25  # samples along each side of the patch
-CHECK = 25  # points along each side at which the errors are measured
-ROUNDS = 8  # of moving the samples' parameters to their foot points
+OUTSIDE_SHARES = 0.01, 0.6  # of the selection's size, and of its edges, by which a parameter line may leave it
+MIN_COVERAGE, MAX_COVERAGE = 0.6, 1.2  # coverage
+FIT_SAMPLES = 25  # samples along each side of the patch
+CHECK_POINTS = 25  # points along each side at which the errors are measured
+FIT_ROUNDS = 8  # of moving the samples' parameters to their foot points
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def fit(vertices: Array, faces: Faces, selection: object, degree: tuple[int, int
     everything = (vertices[faces] - middle) @ frame.T
     errors = np.concatenate([_to_faces(points, everything), _to_patch(points, samples, u, v, local)])
     coverage = _area(patch) / float(np.linalg.norm(area, axis=1).sum())
-    if not LEAST < coverage < MOST:
+    if not MIN_COVERAGE < coverage < MAX_COVERAGE:
         problem = (
             f"has an outline that cannot be taken as four sides: the patch would cover {100 * coverage:.0f} % of it"
         )
@@ -225,9 +225,11 @@ def _samples(corners: Array, outline: Array) -> tuple[Array, Array, Array]:
     ring = np.roll(flat, -at[0], axis=0)
     ring = np.vstack([ring, ring[:1]])
     sides = [ring[a : b + 1] for a, b in pairwise([*turned, len(flat)])]
-    allowed = max(OUTSIDE[0] * size, OUTSIDE[1] * float(np.linalg.norm(np.diff(ring, axis=0), axis=1).mean()))
-    steps = np.linspace(0, 1, GRID)
-    for follow in SIDES:
+    allowed = max(
+        OUTSIDE_SHARES[0] * size, OUTSIDE_SHARES[1] * float(np.linalg.norm(np.diff(ring, axis=0), axis=1).mean())
+    )
+    steps = np.linspace(0, 1, FIT_SAMPLES)
+    for follow in SIDE_SHARES:
         grid = _coons([_along(side, steps, follow) for side in sides], steps)
         if not _regular(grid):
             continue
@@ -245,7 +247,7 @@ def _along(side: Array, steps: Array, follow: float) -> Array:
         return np.column_stack([t * (1 - t), t * (1 - t) * (2 * t - 1)])
 
     run = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(side, axis=0), axis=1))])
-    dense = np.linspace(0, 1, 8 * GRID)
+    dense = np.linspace(0, 1, 8 * FIT_SAMPLES)
     line = np.column_stack([np.interp(dense, run / run[-1], side[:, i]) for i in (0, 1)])
     chord = side[0] + dense[:, None] * (side[-1] - side[0])
     bulge = np.linalg.lstsq(bends(dense), line - chord, rcond=None)[0]
@@ -313,7 +315,7 @@ def _least_squares(samples: Array, u: Array, v: Array, degree: tuple[int, int]) 
 
     best, least = solve(u, v)
     points = best
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         moved = _foot(points, samples, u, v, 1)
         u, v = np.where(inner, moved[0], u), np.where(inner, moved[1], v)
         points, misfit = solve(u, v)
@@ -355,7 +357,7 @@ def _to_faces(points: Array, corners: Array) -> Array:
     """(m,) [m] distance of points all over the patch to the nearest face."""
     from trimesh.triangles import closest_point
 
-    steps = np.linspace(0, 1, CHECK)
+    steps = np.linspace(0, 1, CHECK_POINTS)
     u, v = np.meshgrid(steps, steps)
     spots = Bezier(points).at(u, v).reshape(-1, 3)
     far = np.array([np.linalg.norm(corners[:, 0] - p, axis=1).min() for p in spots]) + 1e-12  # to the nearest corner

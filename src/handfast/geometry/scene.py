@@ -14,7 +14,7 @@ from handfast.core.errors import InputError
 from handfast.core.libraries import quiet
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix, rigid, transform
 from handfast.model.body import Body
-from handfast.model.grasp import UNIT_TOLERANCE
+from handfast.model.grasp import NORMAL_TOLERANCE
 from handfast.model.hand.anatomy import Anatomy, rigid_groups
 from handfast.model.hand.hand import Hand
 from handfast.model.shape import Shape
@@ -24,10 +24,10 @@ Indices = NDArray[np.intp]
 PoseLike = Array | tuple[Sequence[float] | Array, Sequence[float] | Array]
 """A rigid motion: (4, 4), or a position (3,) [m] and a unit quaternion (w, x, y, z)."""
 
-TOUCHING = 1e-7  # [m] below this the two nearest points no longer give a direction
+TOUCHING_DISTANCE = 1e-7  # [m] below this the two nearest points no longer give a direction
 NUDGE = 1e-6  # [m]
-CUTOFF = 1e-3  # [m] what is further apart does not overlap
-FAR = transform(np.full(3, 1e3), np.eye(3))  # a place of the object where no hand reaches
+OVERLAP_CUTOFF = 1e-3  # [m] what is further apart does not overlap
+FAR_POSE = transform(np.full(3, 1e3), np.eye(3))  # a place of the object where no hand reaches
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +208,7 @@ class Scene:
 
     def _normal(self, a: int, b: int, d: float, on_hand: Array, on_object: Array) -> Array:
         """Unit vector from the hand into the object, even where the surfaces meet exactly."""
-        if abs(d) >= TOUCHING:
+        if abs(d) >= TOUCHING_DISTANCE:
             step = np.sign(d) * (on_object - on_hand)
             return step / np.linalg.norm(step)
         x = self._data.geom_xpos
@@ -219,7 +219,7 @@ class Scene:
             x[b] = before + NUDGE * direction / np.linalg.norm(direction)
             d, p, s = self._pair(a, b, 10 * NUDGE)
             x[b] = before
-            if abs(d) >= TOUCHING and np.linalg.norm(s - p) > 0.5 * abs(d):
+            if abs(d) >= TOUCHING_DISTANCE and np.linalg.norm(s - p) > 0.5 * abs(d):
                 return np.sign(d) * (s - p) / np.linalg.norm(s - p)
         return outwards / max(float(np.linalg.norm(outwards)), 1e-12)
 
@@ -304,7 +304,7 @@ def checked_pose(pose: object) -> Array:
         position = frozen(pose[0], (3,), "object_pose.position")
         quaternion = frozen(pose[1], (4,), "object_pose.quaternion")
         length = float(np.linalg.norm(quaternion))
-        if abs(length - 1) > UNIT_TOLERANCE:
+        if abs(length - 1) > NORMAL_TOLERANCE:
             problem = f"has length {length:.4g}; a unit quaternion w, x, y, z is needed"
             raise InputError(problem, field="object_pose.quaternion")
         return rigid(transform(position, quaternion_matrix(quaternion)), "object_pose")
@@ -332,7 +332,7 @@ def rest_overlaps(scene: Scene, *, at_zero: bool = False) -> Array:
     """
     hand = scene.hand
     rest = Anatomy.of(hand).neutral
-    overlaps = np.maximum(0.0, -scene.clearances(rest, FAR, CUTOFF)[1])
+    overlaps = np.maximum(0.0, -scene.clearances(rest, FAR_POSE, OVERLAP_CUTOFF)[1])
     if at_zero:
         turned = set(np.flatnonzero(rest).tolist())
         moved = [bool(turned & (set(hand.moved_by(a)) ^ set(hand.moved_by(b)))) for a, b in scene.self_pairs]

@@ -13,19 +13,22 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.measures import conic_program, energies, wrench_space
 from handfast.measures.internal_forces import InternalForces, contact_robustness, grasp_robustness, internal_forces
-from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_forces, edge_wrenches
-from handfast.measures.wrench_space import LEAST, force_closure
+from handfast.measures.wrench_scale import CONE_EDGES, WrenchScale, edge_forces, edge_wrenches
+from handfast.measures.wrench_space import MIN_CLOSURE_MARGIN, force_closure
 from handfast.model.grasp import Grasp
 from handfast.stability.problem.scaled_problem import beyond_range
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import max_many
 
-ANY = "presses at will"  # no joint, motor or command is looked at
+ANY_FORCES = "presses at will"  # no joint, motor or command is looked at
 MAP = "none, no friction"
 NORMALS = "equal pushes"
-RIGID = "joints, no motors"
+RIGID_JOINTS = "joints, no motors"
 OURS = "joints and commands"
-NODES, GAP = 1000, 1e-2  # of each direction's search: a limit that every machine meets at the same place
+MEASURE_NODES, MEASURE_GAP = (
+    1000,
+    1e-2,
+)  # of each direction's search: a limit that every machine meets at the same place
 
 
 # --- our own: passive maxima ---
@@ -77,7 +80,7 @@ def passive_maxima(
     names, wrenches = chosen.axes()
     G = chosen.grasp_map(grasp)
     possible = np.array([beyond_range(G, u) is None for u in chosen.scaled(wrenches.T).T])
-    asked = settings or Settings(nodes=NODES, gap=GAP, verify=False)
+    asked = settings or Settings(nodes=MEASURE_NODES, gap=MEASURE_GAP, verify=False)
     lower, upper = np.zeros(len(names)), np.zeros(len(names))
     if possible.any():
         found = max_many(grasp, wrenches[possible], settings=asked, jobs=jobs)
@@ -107,7 +110,7 @@ class MeasureOptions:
         InputError: a number of edges or a force that cannot be.
     """
 
-    edges: int = EDGES
+    edges: int = CONE_EDGES
     force_limit: float = 1.0
     torque_limits: Mapping[str, float] = field(default_factory=dict)
     settings: Settings | None = None
@@ -155,7 +158,7 @@ class MeasuredGrasp(MeasureOptions):
     @cached_property
     def closure(self) -> tuple[bool, float]:
         margin = self.l1.closure_margin  # at next to no cost, as the hull is there
-        return force_closure(self.cones) if margin is None else (margin > LEAST, margin)
+        return force_closure(self.cones) if margin is None else (margin > MIN_CLOSURE_MARGIN, margin)
 
     @cached_property
     def internal(self) -> InternalForces:
@@ -222,47 +225,49 @@ CATALOGUE: tuple[Measure, ...] = (
         "passive_worst", "passive maximum, worst of 12", "N", "more", OURS,
         "Haas-Heger, Ciocarlie 2020", lambda a: a.passive.worst[0],
     ),
-    Measure("epsilon_l1", "epsilon, L1", "N", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1.epsilon),
+    Measure("epsilon_l1", "epsilon, L1", "N", "more", ANY_FORCES, "Ferrari, Canny 1992", lambda a: a.l1.epsilon),
     Measure(
-        "epsilon_linf", "epsilon, L infinity", "N", "more", ANY,
+        "epsilon_linf", "epsilon, L infinity", "N", "more", ANY_FORCES,
         "Ferrari, Canny 1992", lambda a: a.force_limit * wrench_space.linf_epsilon(a.cones),
     ),
-    Measure("volume_l1", "volume, L1", "N^6", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1.volume),
+    Measure("volume_l1", "volume, L1", "N^6", "more", ANY_FORCES, "Ferrari, Canny 1992", lambda a: a.l1.volume),
     Measure(
-        "volume_linf", "volume, L infinity", "N^6", "more", ANY,
+        "volume_linf", "volume, L infinity", "N^6", "more", ANY_FORCES,
         "Ferrari, Canny 1992", lambda a: a.force_limit**6 * wrench_space.linf_volume(a.cones),
     ),
-    Measure("force_closure", "force closure", "", "more", ANY, "Prattichizzo, Trinkle 2008", lambda a: a.closure[0]),
     Measure(
-        "closure_margin", "margin of force closure", "", "more", ANY,
+        "force_closure", "force closure", "", "more", ANY_FORCES, "Prattichizzo, Trinkle 2008", lambda a: a.closure[0],
+    ),
+    Measure(
+        "closure_margin", "margin of force closure", "", "more", ANY_FORCES,
         "Prattichizzo, Trinkle 2008", lambda a: a.closure[1],
     ),
     Measure(
-        "largest_wrench", "largest wrench, worst of 12", "N", "more", ANY,
+        "largest_wrench", "largest wrench, worst of 12", "N", "more", ANY_FORCES,
         "Han, Trinkle, Li 2000", lambda a: float(a.chosen.min()),
     ),
     Measure(
-        "smallest_forces", "smallest forces, worst of 12", "N/N", "less", ANY,
+        "smallest_forces", "smallest forces, worst of 12", "N/N", "less", ANY_FORCES,
         "Boyd, Wegbreit 2007", lambda a: a.least_forces,
     ),
     Measure(
-        "internal_dimension", "internal forces", "dimensions", "", RIGID,
+        "internal_dimension", "internal forces", "dimensions", "", RIGID_JOINTS,
         "Bicchi 1994", lambda a: a.internal.dimension,
     ),
     Measure(
-        "controllable_dimension", "that joints control", "dimensions", "more", RIGID,
+        "controllable_dimension", "that joints control", "dimensions", "more", RIGID_JOINTS,
         "Bicchi 1994", lambda a: a.internal.controllable.shape[1],
     ),
     Measure(
-        "passive_dimension", "that no joint changes", "dimensions", "", RIGID,
+        "passive_dimension", "that no joint changes", "dimensions", "", RIGID_JOINTS,
         "Bicchi 1994", lambda a: a.internal.passive.shape[1],
     ),
     Measure(
-        "pcr", "contact robustness PCR", "N", "more", RIGID,
+        "pcr", "contact robustness PCR", "N", "more", RIGID_JOINTS,
         "Prattichizzo et al. 1997", lambda a: contact_robustness(a.grasp, a.G, force=a.force_limit),
     ),
     Measure(
-        "pgr", "grasp robustness PGR", "N", "more", RIGID,
+        "pgr", "grasp robustness PGR", "N", "more", RIGID_JOINTS,
         "Prattichizzo et al. 1997", lambda a: a.robust[0],
     ),
     Measure(
@@ -274,17 +279,17 @@ CATALOGUE: tuple[Measure, ...] = (
         "Li, Sastry 1988", lambda a: wrench_space.ellipsoid_volume(a.G),
     ),
     Measure("isotropy", "isotropy", "", "more", MAP, "Kim et al. 2001", lambda a: wrench_space.isotropy(a.G)),
-    Measure("q1", "Q1, as benchmarks scale it", "N", "more", ANY, "Ferrari, Canny 1992", lambda a: a.q1),
+    Measure("q1", "Q1, as benchmarks scale it", "N", "more", ANY_FORCES, "Ferrari, Canny 1992", lambda a: a.q1),
     Measure(
-        "qp", "wrench error QP", "N", "less", ANY,
+        "qp", "wrench error QP", "N", "less", ANY_FORCES,
         "Chen, Ke, Wang 2025", lambda a: energies.wrench_error(a.grasp, a.H),
     ),
     Measure(
-        "graspqp", "energy GraspQP", "", "less", ANY,
+        "graspqp", "energy GraspQP", "", "less", ANY_FORCES,
         "Zurbrügg et al. 2025", lambda a: energies.graspqp(a.grasp, a.H),
     ),
     Measure("tdg", "energy TDG", "", "less", NORMALS, "Chen et al. 2023", lambda a: energies.tdg(a.grasp, a.H)),
     Measure("dfc", "energy DFC", "N", "less", NORMALS, "Liu et al. 2021", lambda a: energies.dfc(a.H)),
 )  # fmt: skip
-KEYS: tuple[str, ...] = tuple(m.key for m in CATALOGUE)
+MEASURE_KEYS: tuple[str, ...] = tuple(m.key for m in CATALOGUE)
 PASSIVE = "passive_worst"

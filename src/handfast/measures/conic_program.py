@@ -24,7 +24,7 @@ class NotMeasured(Exception):
     """
 
 
-TIGHT = 1e-9
+CONIC_TOLERANCE = 1e-9
 
 
 @dataclass
@@ -61,7 +61,7 @@ class ConicProgram:
         kinds = {"equal": clarabel.ZeroConeT, "most": clarabel.NonnegativeConeT, "cone": clarabel.SecondOrderConeT}
         settings = clarabel.DefaultSettings()
         settings.verbose = False
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TIGHT
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CONIC_TOLERANCE
         P = csc_matrix((self.n, self.n)) if quadratic is None else csc_matrix(np.triu(quadratic))
         rows = csc_matrix(np.vstack([rows for _, rows, _ in parts]))
         right = np.concatenate([right for _, _, right in parts])

@@ -13,9 +13,9 @@ from handfast.measures.conic_program import ConicProgram
 from handfast.measures.wrench_scale import WrenchScale, edge_forces
 from handfast.model.grasp import Grasp
 
-DIRECTIONS = 1000  # of forces, over the sphere
-LOAD, NOTHING = 0.1, 1e-6  # [N] of the program's load; what is left below is the solver's rounding
-TOTAL, EACH = 1.0, 1.0  # [N] the least that all normal forces together are in it, and the most that one is
+FORCE_DIRECTIONS = 1000  # of forces, over the sphere
+LOAD, FORCE_ROUNDING = 0.1, 1e-6  # [N] of the program's load; what is left below is the solver's rounding
+TOTAL, MAX_NORMAL_FORCE = 1.0, 1.0  # [N] the least that all normal forces together are in it, and the most that one is
 GRASPQP_MOST, GRASPQP_OFFSET, GRASPQP_SHARE = 50.0, 1e-2, 0.1
 
 
@@ -44,7 +44,7 @@ def sphere(count: int) -> Array:
     return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
 
 
-def tdg(grasp: Grasp, G: Array, count: int = DIRECTIONS) -> float:
+def tdg(grasp: Grasp, G: Array, count: int = FORCE_DIRECTIONS) -> float:
     """Mean of 1 - cos between force directions and what the contacts together answer in them; 0 to 2.
 
     Chen, Chen, Zhang and Wang, *Task-oriented dexterous grasp synthesis via differentiable grasp wrench boundary
@@ -89,11 +89,11 @@ def wrench_error(grasp: Grasp, G: Array, edges: int = 4) -> float:
         load = LOAD * np.r_[u, np.zeros(3)]
         p = ConicProgram(n)
         p.at_most(-np.eye(n), np.zeros(n))
-        p.at_most(np.repeat(np.eye(grasp.m), edges, axis=1), np.full(grasp.m, EACH))
+        p.at_most(np.repeat(np.eye(grasp.m), edges, axis=1), np.full(grasp.m, MAX_NORMAL_FORCE))
         p.at_most(-np.ones((1, n)), np.array([-TOTAL]))
         x = p.solve(load @ W, W.T @ W)
         rest = np.inf if x is None else float(np.linalg.norm(W @ x + load))
-        left.append(rest if rest > NOTHING else 0.0)
+        left.append(rest if rest > FORCE_ROUNDING else 0.0)
     return float(np.mean(left))
 
 

@@ -28,12 +28,12 @@ from handfast.core.arrays import Array
 from handfast.measures.conic_program import ConicProgram, NotMeasured, solver
 from handfast.model.grasp import Grasp
 
-FLAT = 1e-9  # singular values below this share of the largest are none
-SINGULAR = 1e-12  # the same of eigenvalues, which are squares
-ROUNDING = 1e-12  # and whatever is this small
+SINGULAR_SHARE = 1e-9  # singular values below this share of the largest are none
+EIGENVALUE_SHARE = 1e-12  # the same of eigenvalues, which are squares
+MIN_SINGULAR_VALUE = 1e-12  # and whatever is this small
 STICKS, SLIDES, LOST = range(3)  # what a contact transmits: all, its normal force, nothing
 MOST_CONTACTS = 8  # 3^8 states
-WEAK = 1e-4  # so are the smallest ways in which joints change internal forces: files round a flat hand by more
+CONTROL_SHARE = 1e-4  # so are the smallest ways in which joints change internal forces: files round a flat hand by more
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +56,12 @@ class InternalForces:
         return self.controllable.shape[1] + self.passive.shape[1]
 
 
-def span(columns: Array, least: float = FLAT) -> Array:
+def span(columns: Array, least: float = SINGULAR_SHARE) -> Array:
     """(n, r) orthonormal basis of what columns (n, k) span; what is below a share of the largest is left out."""
     if not columns.size:
         return np.zeros((len(columns), 0))
     U, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(U[:, sizes > max(least * float(sizes.max(initial=0.0)), ROUNDING)])
+    return np.asarray(U[:, sizes > max(least * float(sizes.max(initial=0.0)), MIN_SINGULAR_VALUE)])
 
 
 def null(rows: Array) -> Array:
@@ -69,7 +69,9 @@ def null(rows: Array) -> Array:
     if not rows.size:
         return np.eye(rows.shape[1])
     _, sizes, V = np.linalg.svd(rows)
-    return np.asarray(V[int((sizes > max(FLAT * float(sizes.max(initial=0.0)), ROUNDING)).sum()) :].T)
+    return np.asarray(
+        V[int((sizes > max(SINGULAR_SHARE * float(sizes.max(initial=0.0)), MIN_SINGULAR_VALUE)).sum()) :].T
+    )
 
 
 def internal_forces(grasp: Grasp, G: Array, transmitted: Array | None = None) -> InternalForces:
@@ -95,11 +97,11 @@ def internal_forces(grasp: Grasp, G: Array, transmitted: Array | None = None) ->
     K = np.eye(n) - yielding @ yielding.T
     compliance = G @ K @ G.T
     sizes = np.linalg.eigvalsh(compliance)
-    inverse = K @ G.T @ np.linalg.pinv(compliance, rcond=SINGULAR, hermitian=True)
-    holds = inverse / size.T if sizes[0] > SINGULAR * sizes[-1] else None
+    inverse = K @ G.T @ np.linalg.pinv(compliance, rcond=EIGENVALUE_SHARE, hermitian=True)
+    holds = inverse / size.T if sizes[0] > EIGENVALUE_SHARE * sizes[-1] else None
     internal = null(G)
     moved = K @ J @ movable
-    controllable = span(moved - inverse @ (G @ moved), WEAK)
+    controllable = span(moved - inverse @ (G @ moved), CONTROL_SHARE)
     passive = internal @ null(controllable.T @ internal) if controllable.shape[1] else internal
     return InternalForces(holds, controllable, passive)
 

@@ -13,9 +13,9 @@ from handfast.core.presented import Presented
 from handfast.core.schema import written
 from handfast.measures.catalogue import (
     CATALOGUE,
-    KEYS,
+    MEASURE_KEYS,
     PASSIVE,
-    RIGID,
+    RIGID_JOINTS,
     Measure,
     MeasuredGrasp,
     MeasureOptions,
@@ -28,7 +28,7 @@ from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.grasp import Grasp
 
 SCHEMA = "handfast/measures/1"
-OPEN = 0.02  # relative distance of the bounds of a passive maximum from which on both are shown
+SHOWN_BOUNDS_GAP = 0.02  # relative distance of the bounds of a passive maximum from which on both are shown
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,8 @@ def measure(
         InputError: a point, length, number of edges, limit or name that cannot be.
     """
     for key in only or ():
-        if key not in KEYS:
-            raise unknown_name("measure", key, KEYS, field="only")
+        if key not in MEASURE_KEYS:
+            raise unknown_name("measure", key, MEASURE_KEYS, field="only")
     given, scale = MeasureOptions(**options), WrenchScale.of(grasp, about, length)
     check_limits(grasp, given.torque_limits)
     usual = benchmark_scale(grasp)
@@ -168,8 +168,8 @@ def _note(m: Measure, value: float | bool, asked: MeasuredGrasp) -> str:
         if not np.isfinite(lower):
             return "any wrench is resisted"
         more = f", at most {upper:.4g}" if np.isfinite(upper) else ", or more"
-        return asked.passive.worst_direction + (more if lower < (1 - OPEN) * upper else "")
-    if m.assumes == RIGID and asked.grasp.has_laws:
+        return asked.passive.worst_direction + (more if lower < (1 - SHOWN_BOUNDS_GAP) * upper else "")
+    if m.assumes == RIGID_JOINTS and asked.grasp.has_laws:
         return "friction, springs and stops of its joints are left out"
     if m.key == "smallest_forces" and not np.isfinite(value):
         return "some wrench is not balanced by any"

@@ -11,7 +11,7 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import cross
 from handfast.model.grasp import Grasp
 
-AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+WRENCH_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +76,12 @@ class WrenchScale:
         """
         units = np.repeat(np.eye(6), 2, axis=0)
         units[1::2] *= -1
-        names = tuple(f"{kind} {axis}" for kind in ("force", "torque") for axis in AXES)
+        names = tuple(f"{kind} {axis}" for kind in ("force", "torque") for axis in WRENCH_AXES)
         return names, np.array([self.wrench(u) for u in units]) + 0.0  # no -0
 
 
-EDGES = 8  # of a cone, as in GraspIt! and the benchmarks of dexterous grasps
-FEWEST, MOST = 3, 64
+CONE_EDGES = 8  # of a cone, as in GraspIt! and the benchmarks of dexterous grasps
+MIN_CONE_EDGES, MAX_CONE_EDGES = 3, 64
 
 
 def edge_forces(mu: float, edges: int) -> Array:
@@ -92,13 +92,15 @@ def edge_forces(mu: float, edges: int) -> Array:
     Raises:
         InputError: fewer than 3 edges, or more than 64.
     """
-    if not FEWEST <= edges <= MOST:
-        raise InputError(f"is {edges}; {FEWEST} to {MOST} edges of a friction cone are possible", field="edges")
+    if not MIN_CONE_EDGES <= edges <= MAX_CONE_EDGES:
+        raise InputError(
+            f"is {edges}; {MIN_CONE_EDGES} to {MAX_CONE_EDGES} edges of a friction cone are possible", field="edges"
+        )
     angle = 2 * np.pi * np.arange(edges) / edges
     return np.column_stack([np.ones(edges), mu * np.cos(angle), mu * np.sin(angle)])
 
 
-def edge_wrenches(grasp: Grasp, scale: WrenchScale, edges: int = EDGES) -> Array:
+def edge_wrenches(grasp: Grasp, scale: WrenchScale, edges: int = CONE_EDGES) -> Array:
     """(m, edges, 6) wrenches of these forces at each contact, in a scale."""
     maps = scale.grasp_map(grasp).T.reshape(grasp.m, 3, 6)
     return np.array([edge_forces(mu, edges) @ part for mu, part in zip(grasp.mu, maps, strict=True)])

@@ -18,12 +18,12 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.measures.conic_program import NotMeasured
 
-FLAT = 1e-9  # singular values below this share of the largest are none
-LEAST = 1e-7  # a margin of force closure below is rounding
-OUTSIDE = 1e-6  # relative distance of the origin from a hull that rounding does not make
+SINGULAR_SHARE = 1e-9  # singular values below this share of the largest are none
+MIN_CLOSURE_MARGIN = 1e-7  # a margin of force closure below is rounding
+HULL_TOLERANCE = 1e-6  # relative distance of the origin from a hull that rounding does not make
 MOST_SUMS = 1000  # corners whose hull is built for the volume of a Minkowski sum
-MOST_ROUNDS, BATCH = 100, 24  # of growing, facets that grow in one round
-EXACT = 1e-8  # relative distance of the two bounds at which growing ends
+MOST_ROUNDS, FACET_BATCH = 100, 24  # of growing, facets that grow in one round
+HULL_GAP = 1e-8  # relative distance of the two bounds at which growing ends
 
 
 def _hull(points: Array) -> Any:
@@ -31,7 +31,7 @@ def _hull(points: Array) -> Any:
     from scipy.spatial import ConvexHull, QhullError
 
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if len(points) < 7 or spread[-1] <= FLAT * spread[0]:
+    if len(points) < 7 or spread[-1] <= SINGULAR_SHARE * spread[0]:
         return None
     try:
         return ConvexHull(points)
@@ -83,7 +83,7 @@ class L1Space:
             return None
         inside = -self._hull.equations[:, -1]
         if inside.min() < 0:
-            return None if inside.min() > -OUTSIDE * float(np.abs(self.points).max()) else 0.0
+            return None if inside.min() > -HULL_TOLERANCE * float(np.abs(self.points).max()) else 0.0
         towards = -self._hull.equations[:, :-1] @ self.points.mean(axis=0)
         ahead = towards > 0
         t = float((inside[ahead] / towards[ahead]).min(initial=np.inf))
@@ -120,22 +120,22 @@ def linf_epsilon(wrenches: Array) -> float:
     """
     points = np.vstack([wrenches.reshape(-1, 6), _support(wrenches, np.vstack([np.eye(6), -np.eye(6)]))])
     hull = _hull(points)
-    if _radius(hull) <= FLAT * float(np.abs(points).max()):  # this hull spans the same cone
+    if _radius(hull) <= SINGULAR_SHARE * float(np.abs(points).max()):  # this hull spans the same cone
         return 0.0
     lower, best = 0.0, np.inf
     for _ in range(MOST_ROUNDS):
         distances = -hull.equations[:, -1]
         lower = float(distances.min())
-        nearest = np.argsort(distances)[: 20 * BATCH]
+        nearest = np.argsort(distances)[: 20 * FACET_BATCH]
         _, kept = np.unique(np.round(hull.equations[nearest, :-1], 9), axis=0, return_index=True)
-        facets = nearest[np.sort(kept)][:BATCH]
+        facets = nearest[np.sort(kept)][:FACET_BATCH]
         directions = hull.equations[facets, :-1]
         found = _support(wrenches, directions)
         heights = np.einsum("kd,kd->k", found, directions)
         best = min(best, float(heights.min()))
-        if best - lower <= EXACT * best:
+        if best - lower <= HULL_GAP * best:
             return best
-        grown = found[heights > distances[facets] + EXACT * best]
+        grown = found[heights > distances[facets] + HULL_GAP * best]
         hull = _hull(np.vstack([hull.points[hull.vertices], grown]))
     raise NotMeasured(f"bounds {lower:.4g} and {best:.4g} of the L infinity wrench space did not meet")
 
@@ -177,8 +177,8 @@ def force_closure(wrenches: Array) -> tuple[bool, float]:
     found = linprog(np.r_[np.zeros(n), -1.0], A_eq=rows, b_eq=np.r_[np.zeros(6), n], bounds=[(0, None)] * (n + 1))
     margin = float(found.x[-1]) if found.status == 0 else 0.0
     sizes = np.linalg.svd(columns, compute_uv=False)
-    spans = n >= 6 and bool(sizes[-1] > FLAT * sizes[0])
-    return spans and margin > LEAST, margin
+    spans = n >= 6 and bool(sizes[-1] > SINGULAR_SHARE * sizes[0])
+    return spans and margin > MIN_CLOSURE_MARGIN, margin
 
 
 def smallest_singular_value(G: Array) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, require_positive
 from handfast.core.schema import Vector3
-from handfast.model.region import SHORTEST, Region, unit_direction
+from handfast.model.region import MIN_DIRECTION_LENGTH, Region, unit_direction
 
 FARTHEST_TURN = 100.0  # [rad]
 FULL_TURN = 2 * np.pi * (1 + 1e-12)  # [rad] with room for a file's rounding
@@ -56,7 +56,7 @@ class RoundSide(Region):
         axis = unit_direction(self.axis, "axis")
         across = unit_direction(self.x_axis, "x_axis")
         across = across - axis * (axis @ across)
-        if np.linalg.norm(across) < SHORTEST:
+        if np.linalg.norm(across) < MIN_DIRECTION_LENGTH:
             raise InputError("is parallel to axis; a direction across it is needed", field="x_axis")
         put("axis", frozen(axis, (3,), "axis"))
         put("x_axis", unit_direction(across, "x_axis"))

@@ -21,22 +21,22 @@ from handfast.model.start import Start
 if TYPE_CHECKING:
     from handfast.model.provenance import Provenance
 
-UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
+NORMAL_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
 # 3 x contacts + joints + 2 x actuators + 2 x soft fingers of a grasp at most. The search names its unknowns, at most
 # this and 7, and the values that it bounds, at most this and 9 less two for each contact, by one byte
-LARGEST = 249
+MAX_GRASP_SIZE = 249
 SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
 NO_LENGTH = 1e-14  # relative: what rounding leaves of a length that is none
-LEAST_LEVER = 1e-7  # [m] the ratio of torsional friction to friction is above this, and below its inverse
+MIN_LEVER = 1e-7  # [m] the ratio of torsional friction to friction is above this, and below its inverse
 
 
 def unit(v: object, field: str) -> Array:
-    """`v` as a unit 3-vector; raises `InputError` unless its length is 1 within `UNIT_TOLERANCE`."""
+    """`v` as a unit 3-vector; raises `InputError` unless its length is 1 within `NORMAL_TOLERANCE`."""
     a = frozen(v, (3,), field)
     length = float(np.linalg.norm(a))
     if length < 1e-12:
         raise InputError("is zero; a unit vector is needed", field=field)
-    if abs(length - 1.0) > UNIT_TOLERANCE:
+    if abs(length - 1.0) > NORMAL_TOLERANCE:
         raise InputError(f"has length {length:.6g}; a unit vector is needed", field=field)
     # what is of unit length already is left as it is: files restore it exactly
     return a if abs(length - 1.0) <= 4e-16 else frozen(a / length, (3,), field)
@@ -79,7 +79,7 @@ class Contact(InFiles):
             right = "a soft finger needs a friction above 0, else set torsion to 0"
             problem = f"is {torsion:g} m where friction is 0; {right}"
             raise InputError(problem, field="torsion")
-        if torsion > 0 and not LEAST_LEVER < torsion / mu < 1 / LEAST_LEVER:
+        if torsion > 0 and not MIN_LEVER < torsion / mu < 1 / MIN_LEVER:
             problem = f"is {torsion:g} m beside a friction of {mu:g}; their ratio is to be a length of a hand"
             raise InputError(problem, field="torsion")
         object.__setattr__(self, "torsion", torsion)
@@ -161,7 +161,7 @@ class Grasp(Presented):
     Raises:
         InputError: no contacts, `moves` out of range, a joint named twice, names that are not one line of printable
             characters, a mechanism of the wrong size, more
-            contacts, joints and actuators than can be searched (`LARGEST`).
+            contacts, joints and actuators than can be searched (`MAX_GRASP_SIZE`).
     """
 
     contacts: tuple[Contact, ...]
@@ -200,11 +200,11 @@ class Grasp(Presented):
                 raise InputError(f"is {text!r}; a name is one line of printable characters", field=where)
         actuators = len(names) if mechanism is None else mechanism.a
         soft = sum(c.torsion > 0 for c in self.contacts)
-        if 3 * self.m + self.l + 2 * actuators + 2 * soft > LARGEST:
+        if 3 * self.m + self.l + 2 * actuators + 2 * soft > MAX_GRASP_SIZE:
             sizes = f"{self.m} contacts, {self.l} joints and {actuators} actuators"
-            right = f"3 x contacts + joints + 2 x actuators may be {LARGEST} at most"
+            right = f"3 x contacts + joints + 2 x actuators may be {MAX_GRASP_SIZE} at most"
             if soft:
-                right = f"3 x contacts + joints + 2 x actuators + 2 x soft fingers may be {LARGEST} at most"
+                right = f"3 x contacts + joints + 2 x actuators + 2 x soft fingers may be {MAX_GRASP_SIZE} at most"
             raise InputError(f"has {sizes}, too many to search; {right}", field="grasp")
         for i, joint in enumerate(self.joints):
             if names.index(joint.name) != i:

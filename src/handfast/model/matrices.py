@@ -14,9 +14,9 @@ from handfast.core.transforms import cross
 from handfast.model.mechanism import Mechanism
 
 ORTHONORMAL = 1e-6  # of the columns of G, and of the skew symmetry of [p]x
-EXACT = 1e-9  # relative to the largest speed of a joint: a hinge that moves all its contacts as J says
-STILL = 1e-12  # a contact slower than this, relative to the joint's fastest, does not move
-KINDS = ("revolute", "prismatic")
+SPEED_TOLERANCE = 1e-9  # relative to the largest speed of a joint: a hinge that moves all its contacts as J says
+MIN_CONTACT_SPEED = 1e-12  # a contact slower than this, relative to the joint's fastest, does not move
+JOINT_KINDS = ("revolute", "prismatic")
 
 
 class UnitJoint(NamedTuple):
@@ -62,7 +62,7 @@ def numbers_of(
         if not isinstance(name, str):
             raise InputError(f"is {name!r}; a name is needed", field=f"joints[{j}]")
     for j, kind in enumerate(kinds):
-        if kind not in KINDS:
+        if kind not in JOINT_KINDS:
             raise InputError(f"is '{kind}'; 'revolute' or 'prismatic' is needed", field=f"types[{j}]")
     asked = Mechanism.direct(names) if mechanism is None else mechanism
     if asked.R.shape[1] != l:
@@ -133,12 +133,12 @@ def _shape(a: Any, field: str) -> tuple[int, ...]:
 def _unit_joints(name: str, kind: str, speeds: Array, points: Array) -> list[UnitJoint]:
     """Unit joints that together move the contacts (m, 3) with these speeds (m, 3): one, if a single one can."""
     size = np.linalg.norm(speeds, axis=1)
-    moves = tuple(int(i) for i in np.flatnonzero(size > STILL * size.max(initial=0.0)))
+    moves = tuple(int(i) for i in np.flatnonzero(size > MIN_CONTACT_SPEED * size.max(initial=0.0)))
     if not moves:  # it moves nothing; where it is makes no difference
         return [UnitJoint(name, np.eye(3)[2], np.zeros(3), (), "prismatic" if kind == "prismatic" else "revolute", 1.0)]
     v, p = speeds[list(moves)], points[list(moves)]
     if kind == "prismatic":
-        if np.abs(v - v[0]).max() <= EXACT * size.max():
+        if np.abs(v - v[0]).max() <= SPEED_TOLERANCE * size.max():
             first = float(size[moves[0]])
             return [UnitJoint(name, v[0] / first, p[0], moves, "prismatic", first)]
     else:
@@ -169,7 +169,7 @@ def _hinge(points: Array, speeds: Array) -> tuple[Array, Array] | None:
     Sought are w and v with w x p + v the speed of each p, w of length 1 and perpendicular to v.
     """
     if np.ptp(points, axis=0).max() < 1e-12:  # one point, maybe of several contacts: many hinges do
-        same = np.abs(speeds - speeds[0]).max() <= EXACT * np.abs(speeds).max()
+        same = np.abs(speeds - speeds[0]).max() <= SPEED_TOLERANCE * np.abs(speeds).max()
         return _any_hinge(points[0], speeds[0]) if same else None
     arms, faster = points - points.mean(axis=0), speeds - speeds.mean(axis=0)
     rows = np.vstack([[[0, a[2], -a[1]], [-a[2], 0, a[0]], [a[1], -a[0], 0]] for a in arms])  # w x a = rows @ w
@@ -181,12 +181,12 @@ def _hinge(points: Array, speeds: Array) -> tuple[Array, Array] | None:
         turns = [w + s * np.sqrt(max(left, 0.0)) * line for s in (1.0, -1.0)]
     for turn in turns:
         length = float(np.linalg.norm(turn))
-        if abs(length - 1.0) > EXACT:
+        if abs(length - 1.0) > SPEED_TOLERANCE:
             continue
         turn = turn / length
         middle = speeds.mean(axis=0)
         origin = points.mean(axis=0) - cross(middle, turn)
         off = np.array([cross(turn, p - origin) - v for p, v in zip(points, speeds, strict=True)])
-        if np.abs(off).max() <= EXACT * np.abs(speeds).max():
+        if np.abs(off).max() <= SPEED_TOLERANCE * np.abs(speeds).max():
             return turn, origin
     return None

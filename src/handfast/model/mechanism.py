@@ -10,7 +10,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, kinds_checked, unknown_name
 
-LEAST = 1e-50  # below it a coefficient is none: its square vanishes
+MIN_COEFFICIENT = 1e-50  # below it a coefficient is none: its square vanishes
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +58,10 @@ class Mechanism:
         if twice:
             raise InputError(f"actuator '{twice[0]}' is defined twice", field="mechanism.actuators")
         for name, row in zip(self.actuators, self.R, strict=True):
-            if np.abs(row).max(initial=0.0) < LEAST:
+            if np.abs(row).max(initial=0.0) < MIN_COEFFICIENT:
                 raise InputError(f"actuator '{name}' moves no joint", field="mechanism.actuators")
         for i, row in enumerate(self.A):
-            if np.abs(row).max(initial=0.0) < LEAST:
+            if np.abs(row).max(initial=0.0) < MIN_COEFFICIENT:
                 raise InputError("ties no joint", field=f"mechanism.couplings[{i}]")
 
     @property

@@ -15,18 +15,18 @@ from handfast.core import kept
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, require_positive
 from handfast.core.libraries import deferred_interrupt
-from handfast.core.limited import LATE, limited
+from handfast.core.limited import TIMEOUT_REASON, limited
 from handfast.core.parallel import default_jobs
 from handfast.core.transforms import rigid
 from handfast.model.shape import Faces, Mesh, Shape, refuse_far, volume_and_centroid
 
-SECONDS, MEMORY = 300, 4 << 30  # [bytes]; solids of a hundred thousand triangles take a minute
-FIRST, RATE = 2.0, 400.0  # [s] and triangles per second of processor time, roughly, that CoACD takes
-PATIENT = 5.0  # [s] what takes longer is said beforehand
+COACD_SECONDS, COACD_MEMORY = 300, 4 << 30  # [bytes]; solids of a hundred thousand triangles take a minute
+COACD_START, RATE = 2.0, 400.0  # [s] and triangles per second of processor time, roughly, that CoACD takes
+WARNING_SECONDS = 5.0  # [s] what takes longer is said beforehand
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
-LONG = 5.0  # [m] no hand holds what is longer
-MANY = 200  # pieces
-ROUGH = 0.05  # concavity that CoACD leaves
+MAX_BODY_LENGTH = 5.0  # [m] no hand holds what is longer
+MAX_PIECES = 200  # pieces
+COACD_CONCAVITY = 0.05  # concavity that CoACD leaves
 LOG = logging.getLogger("handfast")
 
 
@@ -80,14 +80,14 @@ def solid_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = N
 
     Raises:
         InputError: lengths out of all proportion, no volume, a surface that is not convex and open, or has one side,
-            a decomposition that takes more than `SECONDS` and `MEMORY`.
+            a decomposition that takes more than `COACD_SECONDS` and `COACD_MEMORY`.
     """
     pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in meshes]
     for vertices, _ in groups:
         refuse_far(vertices, name)
     long = max(float(np.ptp(v, axis=0).max()) for v, _ in groups)
-    if long > LONG:
+    if long > MAX_BODY_LENGTH:
         LOG.warning("%s: is %.3g m long; a mesh in millimetres needs the scale 0.001", name, long)
     if len(groups) > 1 and not all(closed(f) for _, f in groups):
         groups = [_merged(groups)]  # groups that only colour one solid
@@ -106,7 +106,7 @@ def solid_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = N
         made = [Shape.hull(points, pose, f"{Path(name).stem}/{len(pieces) + i}") for i, points in enumerate(hulls)]
         solids.append((made[0].volume, made[0].centroid) if whole else _volume(*surface, made, pose))
         pieces += made
-    if len(pieces) > MANY:
+    if len(pieces) > MAX_PIECES:
         LOG.warning("%s: has %d convex pieces, each of which is compared with each solid of a hand", name, len(pieces))
     whole_volume = sum(volume for volume, _ in solids)
     centers = [volume * center for volume, center in solids]
@@ -143,7 +143,7 @@ def surface_facts(meshes: list[Mesh], scale: float = 1.0) -> dict[str, Any]:
         "badly_wound": sum(int(_shared_edges(f)[2].sum()) for _, f in parts),
     }
     many = sum(len(f) for (_, f), convex in zip(parts, solid, strict=True) if not convex)
-    return facts | ({"decomposing": FIRST + many / RATE} if many else {})
+    return facts | ({"decomposing": COACD_START + many / RATE} if many else {})
 
 
 def _solid_surface(vertices: Array, faces: Faces, name: str) -> Mesh:
@@ -164,14 +164,14 @@ def _solid_surface(vertices: Array, faces: Faces, name: str) -> Mesh:
 
 def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
     """Vertices of the convex pieces of a part that is not convex, and closed; those of an earlier time if there are."""
-    same = kept.digest(f"coacd {version('coacd')} {ROUGH}", vertices, faces)
+    same = kept.digest(f"coacd {version('coacd')} {COACD_CONCAVITY}", vertices, faces)
     pieces = kept.recalled(same)
     if pieces:
         return pieces
-    seconds = FIRST + len(faces) / RATE
-    if seconds > PATIENT:
+    seconds = COACD_START + len(faces) / RATE
+    if seconds > WARNING_SECONDS:
         told = "%s: is not convex; to take %d triangles apart takes about %d s of processor time, at most %d s"
-        LOG.warning(told, name, len(faces), round(seconds), SECONDS * default_jobs())
+        LOG.warning(told, name, len(faces), round(seconds), COACD_SECONDS * default_jobs())
     pieces = decompose(vertices, faces)
     kept.keep(same, pieces)
     return pieces
@@ -328,14 +328,16 @@ def decompose(vertices: Array, faces: Faces) -> list[Array]:
     On a surface that cuts itself CoACD may come to no end, or end the process that it runs in.
 
     Raises:
-        InputError: it cannot be done within `SECONDS` and `MEMORY`, or the time of `limited.within`.
+        InputError: it cannot be done within `COACD_SECONDS` and `COACD_MEMORY`, or the time of `limited.within`.
     """
-    limits = {"memory": MEMORY, "seconds": SECONDS, "threads": default_jobs()}
+    limits = {"memory": COACD_MEMORY, "seconds": COACD_SECONDS, "threads": default_jobs()}
     try:  # its threads (OpenMP) do not work in a forked process
         return limited(_pieces, vertices, faces, new=True, **limits)
     except InputError as fault:
-        if fault.problem == LATE:
-            raise InputError(f"taking it apart into convex pieces {LATE}; give more, or convex pieces") from None
+        if fault.problem == TIMEOUT_REASON:
+            raise InputError(
+                f"taking it apart into convex pieces {TIMEOUT_REASON}; give more, or convex pieces"
+            ) from None
         problem = "cannot be taken apart into convex pieces; is its surface closed, and does not cut itself?"
         raise InputError(f"{problem} (CoACD {fault.problem})") from None
 
@@ -345,5 +347,5 @@ def _pieces(vertices: Array, faces: Faces) -> list[Array]:
         import coacd  # slow to import
 
     coacd.set_log_level("off")
-    parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=ROUGH, seed=0)
+    parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=COACD_CONCAVITY, seed=0)
     return [np.asarray(v, dtype=float) for v, _ in parts]

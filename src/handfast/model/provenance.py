@@ -17,7 +17,7 @@ from handfast.core.bundled import relative_path
 from handfast.core.errors import InputError, require_positive
 from handfast.core.schema import LEFT_OUT, InFiles
 
-KINDS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
+SOURCE_FOLDERS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
 
 
 @dataclass(frozen=True)
@@ -106,10 +106,10 @@ class Provenance(InFiles):
 
     def faults(self) -> list[str]:
         """Why hand and object cannot be shown as they were, a line each; none if they can."""
-        missing = [k for k in KINDS if getattr(self, k) is None]
+        missing = [k for k in SOURCE_FOLDERS if getattr(self, k) is None]
         if missing:
             return [f"the grasp file does not say which {' and '.join(missing)} it came from"]
-        found = (getattr(self, kind).fault(kind) for kind in KINDS)
+        found = (getattr(self, kind).fault(kind) for kind in SOURCE_FOLDERS)
         return [line for line in found if line]
 
     def relative_to(self, folder: str | Path) -> Provenance:
@@ -154,13 +154,13 @@ class Provenance(InFiles):
             link = _part(part.path)
             return one(kind, part, part.path.removesuffix(link), link)
 
-        return Provenance(**{kind: changed(kind) for kind in KINDS})
+        return Provenance(**{kind: changed(kind) for kind in SOURCE_FOLDERS})
 
 
 @lru_cache(maxsize=256)
 def _bundled(source: str, kind: str) -> str | None:
     """The file behind a bundled name, None if it is none."""
-    return bundled.resolve(KINDS[kind], source) if source in bundled.names(KINDS[kind]) else None
+    return bundled.resolve(SOURCE_FOLDERS[kind], source) if source in bundled.names(SOURCE_FOLDERS[kind]) else None
 
 
 def _part(source: str) -> str:

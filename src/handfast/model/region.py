@@ -24,8 +24,8 @@ from handfast.model.bernstein import (
     restrict,
 )
 
-DEEPEST = 6  # halvings in each parameter before a patch whose normal cannot be told from zero is refused
-SHORTEST = 1e-9  # length of a direction below which it is none
+MAX_PATCH_HALVINGS = 6  # halvings in each parameter before a patch whose normal cannot be told from zero is refused
+MIN_DIRECTION_LENGTH = 1e-9  # length of a direction below which it is none
 VANISHES = 1e-9  # a normal this much shorter than the longest one is none
 
 
@@ -33,7 +33,7 @@ def unit_direction(vector: object, field: str) -> Array:
     """(3,) of length 1; `InputError` if it has none."""
     a = frozen(vector, (3,), field)
     length = float(np.linalg.norm(a))
-    if length < SHORTEST:
+    if length < MIN_DIRECTION_LENGTH:
         raise InputError("is zero; a direction is needed", field=field)
     return frozen(a / length, (3,), field)
 
@@ -237,7 +237,7 @@ class Bezier(Region):
             size = np.linalg.norm(along)
             if size > 0 and (n @ along).min() > VANISHES * longest * size:
                 continue
-            if depth == DEEPEST:
+            if depth == MAX_PATCH_HALVINGS:
                 spot = f"near u = {sum(u) / 2:.3g}, v = {sum(v) / 2:.3g}"
                 problem = "an edge or a corner collapses, or its sides are parallel"
                 raise InputError(f"is degenerate: the normal vanishes {spot} ({problem})", field="bezier")

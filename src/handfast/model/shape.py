@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.core.transforms import FARTHEST, rigid
+from handfast.core.transforms import MAX_COORDINATE, rigid
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
 Faces = NDArray[np.int64]  # (k, 3) indices of vertices
 Mesh = tuple[Array, Faces]  # with vertices (n, 3)
 
-SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
-RIM = 16  # points that stand for the rim of a cylinder
-SMALLEST = 1e-9  # [m] a solid smaller than this, or reaching further than `FARTHEST`, is in another unit
+SIZE_COUNTS = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
+RIM_POINTS = 16  # points that stand for the rim of a cylinder
+MIN_SOLID_SIZE = 1e-9  # [m] a solid smaller than this, or reaching further than `MAX_COORDINATE`, is in another unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Shape:
 
     Raises:
         InputError: wrong number of sizes, a size that is not positive, a pose that is not rigid, lengths that are
-            not within `SMALLEST` and `FARTHEST`.
+            not within `MIN_SOLID_SIZE` and `MAX_COORDINATE`.
     """
 
     kind: Kind
@@ -57,15 +57,15 @@ class Shape:
         name: str = "",
     ) -> None:
         put = object.__setattr__
-        if kind not in SIZES:
-            raise InputError(f"is '{kind}'; known: {', '.join(SIZES)}", field="shape.kind")
+        if kind not in SIZE_COUNTS:
+            raise InputError(f"is '{kind}'; known: {', '.join(SIZE_COUNTS)}", field="shape.kind")
         numbers = np.atleast_1d(np.asarray(size, dtype=float)).ravel()
-        if len(numbers) != SIZES[kind]:
-            raise InputError(f"has {len(numbers)} numbers, not {SIZES[kind]}", field=f"{kind}.size")
+        if len(numbers) != SIZE_COUNTS[kind]:
+            raise InputError(f"has {len(numbers)} numbers, not {SIZE_COUNTS[kind]}", field=f"{kind}.size")
         if not (np.isfinite(numbers).all() and (numbers > 0).all()):
             raise InputError(f"is {numbers.tolist()}; sizes are positive and finite", field=f"{kind}.size")
-        if len(numbers) and not (numbers.min() >= SMALLEST and numbers.max() <= FARTHEST):
-            problem = f"is {numbers.tolist()}; sizes are {SMALLEST:g} to {FARTHEST:g} m"
+        if len(numbers) and not (numbers.min() >= MIN_SOLID_SIZE and numbers.max() <= MAX_COORDINATE):
+            problem = f"is {numbers.tolist()}; sizes are {MIN_SOLID_SIZE:g} to {MAX_COORDINATE:g} m"
             raise InputError(problem, field=f"{kind}.size")
         put(self, "kind", kind)
         put(self, "size", tuple(float(s) for s in numbers))
@@ -187,9 +187,9 @@ class Shape:
                 points = np.array([[0, 0, s[1] / 2], [0, 0, -s[1] / 2]]) + n * s[0]
             case "cylinder":
                 start = np.arctan2(n[1], n[0])  # so that the exact side line is among the points
-                around = start + np.arange(RIM) * 2 * np.pi / RIM
+                around = start + np.arange(RIM_POINTS) * 2 * np.pi / RIM_POINTS
                 ring = np.column_stack([s[0] * np.cos(around), s[0] * np.sin(around)])
-                points = np.vstack([np.column_stack([ring, np.full(RIM, z)]) for z in (-s[1] / 2, s[1] / 2)])
+                points = np.vstack([np.column_stack([ring, np.full(RIM_POINTS, z)]) for z in (-s[1] / 2, s[1] / 2)])
             case _:
                 points = self.corners
         height = points @ n
@@ -220,15 +220,16 @@ class Shape:
 
 
 def refuse_far(points: Array, field: str) -> None:
-    """`InputError` unless points (n, 3) [m] are finite, within `FARTHEST`, and further apart than `SMALLEST`."""
+    """`InputError` unless points (n, 3) [m] are finite, within `MAX_COORDINATE`, and further apart than
+    `MIN_SOLID_SIZE`."""
     if not np.isfinite(points).all():
         raise InputError("has a vertex that is NaN or infinite", field=field)
-    if len(points) and np.abs(points).max() > FARTHEST:
+    if len(points) and np.abs(points).max() > MAX_COORDINATE:
         raise InputError(
-            f"has a vertex at {np.abs(points).max():.3g} m; at most {FARTHEST:g} m is possible", field=field
+            f"has a vertex at {np.abs(points).max():.3g} m; at most {MAX_COORDINATE:g} m is possible", field=field
         )
-    if len(points) and np.ptp(points, axis=0).max() < SMALLEST:
-        raise InputError(f"is smaller than {SMALLEST:g} m; is its scale right?", field=field)
+    if len(points) and np.ptp(points, axis=0).max() < MIN_SOLID_SIZE:
+        raise InputError(f"is smaller than {MIN_SOLID_SIZE:g} m; is its scale right?", field=field)
 
 
 def volume_and_centroid(vertices: Array, faces: Faces) -> tuple[float, Array]:

@@ -28,7 +28,7 @@ from handfast.stability.answers.torques_query import posed_torques, shown_torque
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.objective import ANY_STATE, INF, NEAR_END, Effort, Objective
+from handfast.stability.problem.objective import ANY_STATE, END_TOLERANCE, INF, Effort, Objective
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search.proof import Outcome
@@ -36,9 +36,9 @@ from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import exact_solution
 
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
-MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
-LEAST = 1e-3  # [s] that a search has where no time is left
-STOPS = {
+FIRST_FORCE_BOUND = 10.0  # (scaled) normal forces tried first when nothing else bounds them
+MIN_SEARCH_TIME = 1e-3  # [s] that a search has where no time is left
+STATUS_STOPS = {
     SolverStatus.OPTIMAL: Stop.COMPLETE,
     SolverStatus.INFEASIBLE: Stop.COMPLETE,
     SolverStatus.UNBOUNDED: Stop.COMPLETE,
@@ -89,7 +89,7 @@ class RefinementSettings:
 
     def after(self, seconds: float) -> RefinementSettings:
         """For what follows a search of so many seconds: the rest of its time."""
-        return replace(self, timeout=max(self.timeout - seconds, LEAST))
+        return replace(self, timeout=max(self.timeout - seconds, MIN_SEARCH_TIME))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ def _search(p: ScaledProblem, goal: Objective, settings: RefinementSettings, on_
     start = time.monotonic()
     r = reduce(p, goal)
     end = float(r.lo[0]) if goal.has_direction else -INF  # of the search
-    last = end + NEAR_END * abs(end) if end > -INF else -INF
+    last = end + END_TOLERANCE * abs(end) if end > -INF else -INF
     found: Witness | None = None
     value, bound = INF, -INF
     steps: list[RefinementStep] = []
@@ -225,7 +225,7 @@ def _search(p: ScaledProblem, goal: Objective, settings: RefinementSettings, on_
                 break
     except KeyboardInterrupt:
         interrupted = True
-    stop = Stop.INTERRUPTED if interrupted or not steps else STOPS[steps[-1].result.status]
+    stop = Stop.INTERRUPTED if interrupted or not steps else STATUS_STOPS[steps[-1].result.status]
     done = value <= last or goal.near(p, value, bound, settings.gap) or (found is not None and not goal.has_scalar)
     if (bound == INF and found is None) or done:
         stop = Stop.COMPLETE
@@ -275,7 +275,7 @@ def check(
     """
     settings = settings or RefinementSettings()
     p = _posed(grasp, wrench, limits=limits, mdp=mdp)
-    caps = (p.cn_max,) if p.mdp else (min(p.cn_max, MODEST), p.cn_max)  # without (6) moderate forces first
+    caps = (p.cn_max,) if p.mdp else (min(p.cn_max, FIRST_FORCE_BOUND), p.cn_max)  # without (6) moderate forces first
     for cap in caps:
         found, steps = _search(replace(p, cn_max=cap), ANY_STATE, settings, on_progress)
         verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED

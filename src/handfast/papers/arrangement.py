@@ -19,7 +19,7 @@ from flint import fmpq
 from handfast.core.arrays import Indices
 
 Integers = tuple[int, int, int]
-AXES: tuple[Integers, ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+UNIT_AXES: tuple[Integers, ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def faces(rows: Sequence[Sequence[fmpq]]) -> Iterator[Face]:
     planes, place = _distinct(given)
     rays = _rays(planes)
     if len(rays) <= 2:
-        planes, place = _distinct([*given, *AXES])
+        planes, place = _distinct([*given, *UNIT_AXES])
         rays = _rays(planes)
     at = np.array([[_sign(p, r) for p in planes] for r in rays], dtype=np.int8)
     back = np.array([k for k, _ in place[: len(given)]])

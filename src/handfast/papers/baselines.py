@@ -20,14 +20,14 @@ from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.model import State
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
-SLIDES = 1e-6  # of the force scale: motions and forces above have a direction
-BALANCED = 1e-5  # of the force scale: what may be left where the grasp holds
+MIN_SLIDING = 1e-6  # of the force scale: motions and forces above have a direction
+BALANCE_RESIDUAL = 1e-5  # of the force scale: what may be left where the grasp holds
 NEARER = 1e-3  # relative: what a turn has to take off what is left
-MOTIONS = 1e4  # (scaled) of object and joints, as in Algorithm 1
+MOTION_BOUND = 1e4  # (scaled) of object and joints, as in Algorithm 1
 STEP_BALANCED = 1e-3  # of the force scale: what may stay unbalanced in a grasp that holds
 SMALL_PIVOT = 1e-11  # relative: pivots below it are none
-MISSED = 1e-10  # by how much a variable may be negative at the end, beside q; it is then taken as 0
-STARTS = 5  # covering vectors: where rounding ends the path from one, another may lead through
+NEGATIVE_TOLERANCE = 1e-10  # by how much a variable may be negative at the end, beside q; it is then taken as 0
+COVERING_STARTS = 5  # covering vectors: where rounding ends the path from one, another may lead through
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class BaselineState:
         state = p.unscale(point)
         c, d = point.c.reshape(-1, 3), p.relative_motion(point.r, point.q)
         for i, (force, motion) in enumerate(zip(c[:, 1:], d[:, 1:], strict=True)):
-            if np.hypot(*force) > SLIDES and np.hypot(*motion) > SLIDES:
+            if np.hypot(*force) > MIN_SLIDING and np.hypot(*motion) > MIN_SLIDING:
                 a, b = force, -motion
                 errors[i] = abs(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
         return cls(verdict, state, unbalanced, turns, judge.residuals(p.grasp, p.wrench, state), errors)
@@ -120,7 +120,7 @@ def turn_scheme(
             return BaselineState.of(p, Verdict.UNDECIDED, point, left, turn)
         before, (point, along) = left, found
         r, left = point.r, float(np.abs(along).sum())
-        if left <= BALANCED:
+        if left <= BALANCE_RESIDUAL:
             return BaselineState.of(p, Verdict.HOLDS, point, left, turn)
         if turn > 1 and left > (1 - NEARER) * before:
             return BaselineState.of(p, Verdict.SLIPS, point, left, turn)
@@ -135,9 +135,9 @@ def _nearest(
     angle = 2 * np.pi * np.arange(edges) / edges
     D = np.vstack([np.cos(angle), np.sin(angle)])
     P = MixedIntegerProgram()
-    far = MOTIONS / max(float(np.abs(along).max()), 1e-12)
+    far = MOTION_BOUND / max(float(np.abs(along).max()), 1e-12)
     s = int(P.variables(1, 0.0, far if along.any() else 0.0)[0])
-    q, f, coupling = P.variables(l, -MOTIONS, MOTIONS), P.variables(a), P.variables(k)
+    q, f, coupling = P.variables(l, -MOTION_BOUND, MOTION_BOUND), P.variables(a), P.variables(k)
     cn, beta = P.variables(m, 0.0), P.variables(m * edges, 0.0).reshape(m, edges)
     over, under = P.variables(6, 0.0), P.variables(6, 0.0)
     P.cost = {int(i): 1.0 for i in (*over, *under)}
@@ -264,7 +264,7 @@ def lemke(M: Array, q: Array, *, pivots: int = 2000, cover: Array | None = None)
         return np.zeros(len(q))
     if cover is not None:
         return _from(M, q, cover, pivots)
-    for start in range(STARTS):
+    for start in range(COVERING_STARTS):
         cover = 1.0 + np.linspace(0.0, 0.5, len(q)) * np.cos((1.0 + start) * np.arange(len(q)))
         z = _from(M, q, cover, pivots)
         if z is not None:
@@ -308,4 +308,4 @@ def _solution(columns: Array, basis: Indices, q: Array, n: int) -> Array | None:
         return None
     all_of = np.zeros(2 * n + 1)
     all_of[basis] = x
-    return np.maximum(all_of[n : 2 * n], 0.0) if x.min() > -MISSED * float(np.abs(q).max()) else None
+    return np.maximum(all_of[n : 2 * n], 0.0) if x.min() > -NEGATIVE_TOLERANCE * float(np.abs(q).max()) else None

@@ -31,7 +31,7 @@ from handfast.papers.canonical_system import (
     scaled,
     total,
 )
-from handfast.papers.kinematic_loops import HELD, Assembly, Kind, Loops, loops
+from handfast.papers.kinematic_loops import MIN_JOINT_RANGE, Assembly, Kind, Loops, loops
 from handfast.papers.patch_form import COEFFICIENT_ROUNDING, PatchForm
 from handfast.synthesis.task import Task
 
@@ -230,10 +230,10 @@ class _Builder:
             terms: Polynomial = {(slides[j],): 1.0, (slides[k],): -ratio, (): -shift}
             self._equations("coupling", joints[j].name, terms)
             return
-        if abs(abs(ratio) - 1) > HELD:
+        if abs(abs(ratio) - 1) > MIN_JOINT_RANGE:
             raise InputError(f"has ratio {ratio:g} to {joints[k].name}; cosines can say 1 and -1 only", field=field)
         lower, upper = self.loops.ranges[k]
-        if upper - lower > np.pi + HELD:
+        if upper - lower > np.pi + MIN_JOINT_RANGE:
             problem = f"ties {joints[k].name} over {np.degrees(upper - lower):.4g} degrees"
             raise InputError(f"{problem}; the cosine tells angles apart up to 180", field=field)
         first = self._cosine(limits[j], ratio * lower + offset)

@@ -10,7 +10,7 @@ that contains every exact solution and its formula does not give one:
   of edge-length weights (18). `printed_robustness=True` restores the formula as printed.
 - The maximum (23) is posed as its homogeneous twin, see `goal`.
 
-Virtual motions are searched up to `MOTIONS`: beyond it a solver's tolerance times the motion is a force, and
+Virtual motions are searched up to `MOTION_BOUND`: beyond it a solver's tolerance times the motion is a force, and
 coplanar contacts, about whose line the object turns for nothing, would be held by rounding errors. So the bounds of
 Algorithm 1 hold for motions up to there only; the engine knows no such end.
 """
@@ -29,9 +29,9 @@ from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
 GAMMA = np.pi / 2  # the initial angle between edges
-MOTIONS = 1e4  # (scaled) largest virtual motion of a program
+MOTION_BOUND = 1e4  # (scaled) largest virtual motion of a program
 ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
-SIDES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
+POLYGON_EDGES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
 
 
 @lru_cache(maxsize=256)
@@ -126,8 +126,8 @@ class Discretisation:
 
 
 def polygon() -> Edges:
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
-    long = np.full(SIDES, 1.0 / np.cos(np.pi / SIDES))  # circumscribed: contains the cone
+    angle = 2 * np.pi * np.arange(POLYGON_EDGES) / POLYGON_EDGES
+    long = np.full(POLYGON_EDGES, 1.0 / np.cos(np.pi / POLYGON_EDGES))  # circumscribed: contains the cone
     return Edges(long * np.vstack([np.cos(angle), np.sin(angle)]), long, long, (), ())
 
 
@@ -186,7 +186,7 @@ def relaxation(p: ScaledProblem, goal: Objective, edges: Sequence[Edges], printe
     """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
     m, l, a, k = p.sizes
     P = MixedIntegerProgram()
-    cap = MOTIONS
+    cap = MOTION_BOUND
     if not p.mdp and np.isfinite(p.cn_max):
         cap = 2.0 * p.cn_max  # motions free of consequence only blur the picture of what is wrong
     still = _still(p)

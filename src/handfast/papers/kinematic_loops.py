@@ -24,9 +24,11 @@ from handfast.model.hand.coupling import driver_ranges, drivers
 from handfast.model.hand.hand import Hand, Joint
 from handfast.synthesis.task import Task
 
-SAME = 1e-9  # [m, unit vectors] axes that miss, or differ in direction, by less are taken for one point or line
-HELD = 1e-12  # [rad, m] a range narrower than this is none
-FULL = 2 * np.pi - 1e-12  # [rad] a range from here on limits nothing
+AXIS_TOLERANCE = (
+    1e-9  # [m, unit vectors] axes that miss, or differ in direction, by less are taken for one point or line
+)
+MIN_JOINT_RANGE = 1e-12  # [rad, m] a range narrower than this is none
+FULL_TURN = 2 * np.pi - 1e-12  # [rad] a range from here on limits nothing
 
 
 class Kind(StrEnum):
@@ -157,7 +159,7 @@ def loops(task: Task) -> Loops:
     """
     hand, involved = task.hand, set(task.involved.tolist())
     ranges, follows = _ranges(hand, involved), drivers(hand)
-    moving = [j for j in sorted(involved) if ranges[j, 1] - ranges[j, 0] > HELD]
+    moving = [j for j in sorted(involved) if ranges[j, 1] - ranges[j, 0] > MIN_JOINT_RANGE]
     needed = {0}
     for end in task.links:
         while end >= 0:
@@ -221,7 +223,7 @@ def _ranges(hand: Hand, involved: set[int]) -> Array:
         if driver < 0 or not ratio:
             value = offset + (ratio * ranges[driver].mean() if driver >= 0 else 0.0)
             low, high = hand.limits[j]
-            if j in involved and not low - HELD <= value <= high + HELD:
+            if j in involved and not low - MIN_JOINT_RANGE <= value <= high + MIN_JOINT_RANGE:
                 raise InputError(f"excludes {value:g}, at which a coupling holds it", field=f"limits.{names[j]}")
             ranges[j] = value
         elif driver != j:
@@ -293,11 +295,11 @@ def _spherical(
         place = motions[n + 1].place
         axis = place[:3, :3] @ joints[n + 1].axis
         centers.append(_crossing(joints[n], axis, _moved(place, joints[n + 1].anchor)))
-    limited = any(ranges[m.joint, 1] - ranges[m.joint, 0] < FULL for m in motions)
+    limited = any(ranges[m.joint, 1] - ranges[m.joint, 0] < FULL_TURN for m in motions)
     if limited or centers[0] is None or centers[1] is None:
         return None
     inward = _moved(motions[1].place, centers[1])  # the second crossing, in the frame of the first
-    if np.linalg.norm(inward - centers[0]) > SAME:
+    if np.linalg.norm(inward - centers[0]) > AXIS_TOLERANCE:
         return None
     p, q = _moved(motions[0].place, inward), _moved_back(motions[2].place, centers[1])
     return Assembly(Kind.SPHERICAL, parent, child, tuple(motions), p, q)
@@ -310,7 +312,7 @@ def _cylindrical(
     turn = 0 if joints[0].type == "revolute" else 1
     far = second.place[:3, :3].T @ joints[0].axis  # the first axis in the child's frame
     sign = float(np.sign(far @ joints[1].axis))
-    if np.linalg.norm(far - sign * joints[1].axis) > SAME:
+    if np.linalg.norm(far - sign * joints[1].axis) > AXIS_TOLERANCE:
         return None
     place = first.place @ second.place
     R = place[:3, :3]
@@ -334,17 +336,17 @@ def _angle(
 ) -> tuple[Angle, ...]:
     """The angle of a joint, none if it has no limits."""
     lower, upper = (float(x) for x in ranges[j])
-    if upper - lower >= FULL:
+    if upper - lower >= FULL_TURN:
         return ()
     return (Angle(j, lower, upper, parent_turns, fixed, start, axis, joint.ref),)
 
 
 def _crossing(joint: Joint, direction: Array, point: Array) -> Array | None:
     """(3,) where the joint's axis meets another line at a right angle; None if it does not."""
-    if abs(joint.axis @ direction) > SAME:
+    if abs(joint.axis @ direction) > AXIS_TOLERANCE:
         return None
     between = point - joint.anchor
-    if abs(between @ np.cross(joint.axis, direction)) > SAME:
+    if abs(between @ np.cross(joint.axis, direction)) > AXIS_TOLERANCE:
         return None
     return joint.anchor + (between @ joint.axis) * joint.axis
 

@@ -28,9 +28,9 @@ from handfast.core.libraries import silent
 from handfast.model.bernstein import PADDING, restrict
 from handfast.papers.canonical_system import Expanded, Patch
 
-TINY = 1e-290  # more than underflow can lose
+UNDERFLOW_BOUND = 1e-290  # more than underflow can lose
 INF = np.inf
-UNIT = 2.0**-53
+UNIT_ROUNDOFF = 2.0**-53
 MERGED = 9  # decimals to which two facets of a hull are one
 
 
@@ -107,11 +107,11 @@ def _patch(p: Patch, lower: Array, upper: Array) -> Part:
     s, t = (g.ravel() for g in np.meshgrid(s, t, indexing="ij"))
     (li, ui), (lj, uj) = ends
     # the form is that of the whole patch: the sub-patch's coefficients are off by rounding
-    pad = PADDING * np.abs(p.points).max() + np.abs([li, ui, lj, uj]).max() * 8 * UNIT
+    pad = PADDING * np.abs(p.points).max() + np.abs([li, ui, lj, uj]).max() * 8 * UNIT_ROUNDOFF
     C = np.column_stack([li + s * (ui - li), lj + t * (uj - lj), b.ravel()])
     normals = _facets(C)
     reach = np.abs(normals) @ np.abs(C).max(axis=0)
-    high = _up((C @ normals.T).max(axis=0) + np.abs(normals).sum(axis=1) * pad + 8 * UNIT * reach)
+    high = _up((C @ normals.T).max(axis=0) + np.abs(normals).sum(axis=1) * pad + 8 * UNIT_ROUNDOFF * reach)
     columns = np.tile([p.i, p.j, p.k], (len(normals), 1))
     return columns, normals, np.full(len(normals), -INF), high
 
@@ -219,8 +219,8 @@ class DualBound:
         self.AT = sparse.csr_array(rows.A.T)
         self.size = abs(self.AT)
         deepest = int(np.diff(self.AT.indptr).max(initial=0)) + 2
-        self.gamma = 2 * deepest * UNIT  # relative error of a column's sum, twice what is needed
-        self.total = 2 * (sum(rows.A.shape) + 4) * UNIT
+        self.gamma = 2 * deepest * UNIT_ROUNDOFF  # relative error of a column's sum, twice what is needed
+        self.total = 2 * (sum(rows.A.shape) + 4) * UNIT_ROUNDOFF
 
     def below(self, y: Array, lower: Array, upper: Array, column: int | None = None, sign: float = 1.0) -> float:
         """No x of the program has sign x[column] (0 if None) below this; -inf if the multipliers are no good."""
@@ -232,13 +232,13 @@ class DualBound:
         rows = self.rows
         y = np.where(((y > 0) & np.isfinite(rows.lo)) | ((y < 0) & np.isfinite(rows.hi)), y, 0.0)
         d = -(self.AT @ y)
-        error = self.gamma * (self.size @ np.abs(y)) + TINY
+        error = self.gamma * (self.size @ np.abs(y)) + UNDERFLOW_BOUND
         if column is not None:
             d[column] += sign
-            error[column] += 2 * UNIT * (abs(d[column]) + 1)
+            error[column] += 2 * UNIT_ROUNDOFF * (abs(d[column]) + 1)
         sides = y * np.where(y > 0, rows.lo, np.where(y < 0, rows.hi, 0.0))
         ends = np.where(d > 0, d * lower, d * upper)
         loss = error * np.maximum(np.abs(lower), np.abs(upper))
         bound = sides.sum() + ends.sum() - loss.sum()
-        bound -= self.total * (np.abs(sides).sum() + np.abs(ends).sum() + loss.sum()) + TINY
+        bound -= self.total * (np.abs(sides).sum() + np.abs(ends).sum() + loss.sum()) + UNDERFLOW_BOUND
         return float(bound)

@@ -24,7 +24,7 @@ from flint import fmpq
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.model.grasp import UNIT_TOLERANCE, Contact, Grasp
+from handfast.model.grasp import NORMAL_TOLERANCE, Contact, Grasp
 from handfast.papers.arrangement import Face, faces
 from handfast.papers.rational_simplex import ONE, ZERO, RationalProgram
 from handfast.proofs.fields import rational, rounded
@@ -55,7 +55,7 @@ class PlanarContact:
         object.__setattr__(self, "position", frozen(self.position, (2,), "position"))
         object.__setattr__(self, "normal", frozen(self.normal, (2,), "normal"))
         length, mu = float(np.hypot(*self.normal)), float(self.friction)
-        if abs(length - 1.0) > UNIT_TOLERANCE:
+        if abs(length - 1.0) > NORMAL_TOLERANCE:
             raise InputError(f"has length {length:.6g}; a unit vector is needed", field="normal")
         if not np.isfinite(mu) or mu < 0:
             raise InputError(f"is {mu}; a friction coefficient is 0 or more", field="friction")

@@ -32,7 +32,7 @@ STATUS = {
 # permutations of the variables with native sets (None: binaries), and the nodes after which the next is tried:
 # a native solve can also branch on rounding errors without end, and another order settles it in a few nodes
 LADDER = ((0, 5_000), (1, 20_000), (2, 20_000), (None, 100_000), (0, None))
-FAILED = SolverResult(SolverStatus.FAILED, None, -INF, 0)
+FAILED_RESULT = SolverResult(SolverStatus.FAILED, None, -INF, 0)
 
 
 def solve(program: MixedIntegerProgram, timeout: float) -> SolverResult:
@@ -45,7 +45,7 @@ def solve(program: MixedIntegerProgram, timeout: float) -> SolverResult:
         # a point can be checked against the program; a claim that there is none is only repeated
         if result.status not in (SolverStatus.FAILED, SolverStatus.INFEASIBLE) or claims == 2:
             return result
-    return FAILED
+    return FAILED_RESULT
 
 
 def attempt(
@@ -63,7 +63,7 @@ def attempt(
         except Exception as error:  # SCIP reports a failed LP as a bare Exception
             if type(error) is not Exception:
                 raise
-            result = FAILED
+            result = FAILED_RESULT
     return replace(result, status=SolverStatus.INTERRUPTED) if pressed else result
 
 

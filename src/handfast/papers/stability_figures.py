@@ -22,7 +22,7 @@ from handfast.papers.mixed_integer_solvers import installed
 from handfast.pictures.camera import views
 from handfast.pictures.drawing import BLUE, GREY, INK, MAROON, solids
 from handfast.pictures.grasp_picture import draw_grasp
-from handfast.pictures.map_picture import OPEN, draw_map, draw_sweep
+from handfast.pictures.map_picture import OPEN_STYLE, draw_map, draw_sweep
 from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp
@@ -33,13 +33,13 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.maps import sweep
 from handfast.stability.studies.questions import check, force_map
 
-HELD = np.array([0, 2.2, 0, 0, 0, 0])  # Fig. 5: 2.2 N along +y
+HELD_WRENCH = np.array([0, 2.2, 0, 0, 0, 0])  # Fig. 5: 2.2 N along +y
 UNHELD = np.array([0, 1.0, 0, 0, 0, 0])  # section VII-A: 1 N along +y, without preload
-STEPS = 360  # directions of a map, as in the paper
-COMMANDS = 21  # of Fig. 12
+MAP_DIRECTIONS = 360  # directions of a map, as in the paper
+FIGURE_COMMANDS = 21  # of Fig. 12
 FORCE_Z, MOMENT_X = np.eye(6)[[2, 3]]
-SECTORS = 2048  # of Fig. 5: sectors of less than a degree
-TWELVE = tuple(f"barrett-{name}" for name in stability_tables.TWELVE)
+FIGURE_SECTORS = 2048  # of Fig. 5: sectors of less than a degree
+TWELVE_GRASPS = tuple(f"barrett-{name}" for name in stability_tables.TWELVE_OBJECTS)
 
 
 def placed(name: str) -> tuple[Grasp, list[Mesh]]:
@@ -120,8 +120,10 @@ def fig4(options: MakingOptions) -> Figure:
 def fig5(options: MakingOptions) -> Figure:
     """Algorithm 1 under 2.2 N along +y: the sectors of each contact at its last step, and the contact forces."""
     grasp, meshes = placed("fig1")
-    settings = RefinementSettings(options.solver or installed(), SECTORS, timeout=10 * options.timeout, as_printed=True)
-    answer, steps = algorithm1.check(grasp, HELD, settings=settings)
+    settings = RefinementSettings(
+        options.solver or installed(), FIGURE_SECTORS, timeout=10 * options.timeout, as_printed=True
+    )
+    answer, steps = algorithm1.check(grasp, HELD_WRENCH, settings=settings)
     figure = draw_grasp(grasp, uninterrupted(answer).witness, meshes, count=3)
     width, height = figure.get_size_inches()
     above, total = 2.2, height + 2.2  # [inches]
@@ -137,7 +139,7 @@ def fig5(options: MakingOptions) -> Figure:
 
 def force_maps(options: MakingOptions, name: str, *etas: float) -> Figure:
     """Figs 6, 8, 10: forces in the xy plane, without preload (blue) and with it (maroon), a panel for each eta [°]."""
-    asked: dict[str, Any] = {"steps": options.steps or STEPS, "settings": Settings(timeout=options.timeout)}
+    asked: dict[str, Any] = {"steps": options.steps or MAP_DIRECTIONS, "settings": Settings(timeout=options.timeout)}
     limits = [GraspLimits(np.radians(eta)) for eta in etas]
     maps = [uninterrupted(force_map(load_grasp(name), "xy", limits=each, **asked)) for each in limits]
     if len(maps) == 1:
@@ -149,8 +151,8 @@ def force_maps(options: MakingOptions, name: str, *etas: float) -> Figure:
         ax.set_title(f"normals off by up to {eta:g}°", loc="left", fontsize=11, color=INK)
     ends: list[Patch] = [Polygon([(0, 0)], fc=BLUE, alpha=0.6), Polygon([(0, 0)], fc=MAROON)]
     words = ["resisted without preload", "added by the preload"]
-    if any(patch.get_hatch() == OPEN["hatch"] for ax in figure.axes for patch in ax.patches):
-        ends, words = [*ends, Patch(**OPEN)], [*words, "not decided"]
+    if any(patch.get_hatch() == OPEN_STYLE["hatch"] for ax in figure.axes for patch in ax.patches):
+        ends, words = [*ends, Patch(**OPEN_STYLE)], [*words, "not decided"]
     figure.legend(ends, words, ncols=3, loc="lower center", frameon=False)
     figure.subplots_adjust(0.07, 0.15, 0.98, 0.93)
     return figure
@@ -158,7 +160,7 @@ def force_maps(options: MakingOptions, name: str, *etas: float) -> Figure:
 
 def fig12(options: MakingOptions) -> Figure:
     """The largest force along z and torque about x over the command of finger 3."""
-    commands: Array = np.linspace(0, 0.1, options.steps or COMMANDS)
+    commands: Array = np.linspace(0, 0.1, options.steps or FIGURE_COMMANDS)
     settings = Settings(timeout=options.timeout)
     answer = sweep(load_grasp("fig11"), "finger_3_prox", commands, [FORCE_Z, MOMENT_X], settings=settings)
     return draw_sweep(uninterrupted(answer))
@@ -168,7 +170,7 @@ def fig13(_: MakingOptions) -> Figure:
     """The twelve bundled grasps of the Barrett hand that stand for the paper's."""
     figure = Figure(figsize=(9.0, 6.4))
     known = bundled.names("grasps")
-    for k, name in enumerate(n for n in TWELVE if n in known):
+    for k, name in enumerate(n for n in TWELVE_GRASPS if n in known):
         grasp, meshes = placed(name)
         ax = figure.add_subplot(3, 4, k + 1)
         corners = np.vstack(solids(ax, meshes, views(grasp, 1)[0].matrix))

@@ -36,7 +36,7 @@ from handfast.stability.studies.questions import check, maximum, torques
 
 DOWN = np.array([0, -1.0, 0, 0, 0, 0])  # the largest force along -y that Fig. 9 resists
 ETAS = (0.0, 2.5)  # [degrees] uncertainty of the normals
-LEVELS = range(10)  # 4 * 2^q sectors
+SECTOR_LEVELS = range(10)  # 4 * 2^q sectors
 QUICK_LEVELS = 6  # up to 128 sectors
 
 # as printed, by the number of sectors: largest force [N] without and with uncertain normals
@@ -83,7 +83,7 @@ def table1(options: MakingOptions) -> TextTable:
     """The largest force by the number of sectors, refined and all at once; `count` rows."""
     solver = options.solver or installed()
     rows, gave_up = [], set[float]()
-    for q in LEVELS[: options.count or QUICK_LEVELS]:
+    for q in SECTOR_LEVELS[: options.count or QUICK_LEVELS]:
         cells = [str(4 * 2**q)]
         for k, eta in enumerate(ETAS):
             refined = _whole_cell(resolution_cell(solver, q, False, eta, options.timeout))
@@ -119,12 +119,12 @@ def _seconds(cell: dict[str, Any]) -> str:
 
 # --- Table II -----------------------------------------------------------------------------------------------------
 
-SEED = 2020
-MOST = 10  # directions, and wrenches, as in the paper
-SECTORS = 2048
-GAP = 1e-3
+TABLE_SEED = 2020
+TABLE_DIRECTIONS = 10  # directions, and wrenches, as in the paper
+TABLE_SECTORS = 2048
+TABLE_GAP = 1e-3
 ENGINE: dict[str, Callable[..., Answer]] = {"check": check, "max": maximum, "torques": torques}
-PAPER: dict[str, Callable[..., Refined[Any]]] = {
+PAPER_ALGORITHMS: dict[str, Callable[..., Refined[Any]]] = {
     "check": algorithm1.check,
     "max": algorithm1.maximum,
     "torques": algorithm1.torques,
@@ -162,7 +162,20 @@ PRINTED_2 = (
     PrintedTimes("l", 6, ("27.5",), ("488 ± 99", "330"), ("777 ± 288", "626")),
 )
 # our grasp with as many contacts for each of those
-TWELVE = ("ball", "can", "mug", "pear", "block", "egg", "dumbbell", "wedge", "mallet", "ring", "bottle", "torch")
+TWELVE_OBJECTS = (
+    "ball",
+    "can",
+    "mug",
+    "pear",
+    "block",
+    "egg",
+    "dumbbell",
+    "wedge",
+    "mallet",
+    "ring",
+    "bottle",
+    "torch",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,15 +205,15 @@ class TaskQuestion:
         """What the engine answers."""
         return ENGINE[self.task](self.grasp, self.wrench, settings=settings)
 
-    def refined(self, solver: Solver, timeout: float, gap: float = GAP) -> Refined[Any]:
+    def refined(self, solver: Solver, timeout: float, gap: float = TABLE_GAP) -> Refined[Any]:
         """What Algorithm 1 answers, refined to the finest sectors as the paper has it."""
-        settings = RefinementSettings(solver, SECTORS, as_printed=True, gap=gap, timeout=timeout)
-        return PAPER[self.task](self.grasp, self.wrench, settings=settings)
+        settings = RefinementSettings(solver, TABLE_SECTORS, as_printed=True, gap=gap, timeout=timeout)
+        return PAPER_ALGORITHMS[self.task](self.grasp, self.wrench, settings=settings)
 
 
 def drawn() -> tuple[Array, Array]:
     """(n, 6) each: unit directions for the disturbances and for the wrenches, the same for all grasps."""
-    x = np.random.default_rng(SEED).normal(size=(2, MOST, 6))
+    x = np.random.default_rng(TABLE_SEED).normal(size=(2, TABLE_DIRECTIONS, 6))
     x /= np.linalg.norm(x, axis=2, keepdims=True)
     return x[0], x[1]
 
@@ -234,9 +247,9 @@ def table2(options: MakingOptions) -> TextTable:
     With a solver, Algorithm 1 is timed beside the engine.
     """
     count, settings = options.count or 3, Settings(timeout=options.timeout)
-    task_questions(TWELVE[0])[0].ask(settings)  # loads machine code
+    task_questions(TWELVE_OBJECTS[0])[0].ask(settings)  # loads machine code
     rows = []
-    for name, printed in zip(TWELVE, PRINTED_2, strict=True):
+    for name, printed in zip(TWELVE_OBJECTS, PRINTED_2, strict=True):
         questions = [q for q in task_questions(name) if q.k <= count]
         cells = [f"{name} ({printed.letter})", str(printed.contacts)]
         for task in ENGINE:

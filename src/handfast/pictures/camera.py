@@ -12,10 +12,10 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 
 TILT = Rotation.from_euler("yx", [-25.0, 22.0], degrees=True).as_matrix()  # of the first view, out of the flat one
-EDGE = 1e-9  # a ray through an edge meets both triangles
-BESIDE = 1e-3  # [m] from a contact, the point that is to be seen
-AROUND, ABOVE = range(0, 360, 45), (-25, 15, 50)  # [degrees] azimuths and elevations that are tried
-LEVEL = 0.2  # of a contact: for how much more of them one looks from far above or below
+RAY_TOLERANCE = 1e-9  # a ray through an edge meets both triangles
+CONTACT_OFFSET = 1e-3  # [m] from a contact, the point that is to be seen
+AZIMUTHS, ELEVATIONS = range(0, 360, 45), (-25, 15, 50)  # [degrees] azimuths and elevations that are tried
+STEEP_PENALTY = 0.2  # of a contact: for how much more of them one looks from far above or below
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ def around(up: Array) -> list[View]:
     """Views from all sides in which `up` (3,) points up, those from a little above first."""
     third = up / np.linalg.norm(up)
     base = Rotation.align_vectors(np.eye(3)[2:], third[None])[0].as_matrix()
-    sides = [(a, e) for e in sorted(ABOVE, key=lambda e: abs(e - ABOVE[1])) for a in AROUND]
+    sides = [(a, e) for e in sorted(ELEVATIONS, key=lambda e: abs(e - ELEVATIONS[1])) for a in AZIMUTHS]
     return [View(f"{a}° around, {e}° above", View.of(a, e, "").matrix @ base) for a, e in sides]
 
 
@@ -74,8 +74,10 @@ def in_view(view: View, points: Array, normals: Array, triangles: Array) -> floa
 def clearest(views: Iterable[View], grasp: Grasp, triangles: Array) -> View:
     """The view in which most contacts of a grasp can be seen past the hand's triangles (n, 3, 3)."""
     normals = np.array([c.normal for c in grasp.contacts])
-    points = grasp.positions + BESIDE * normals
-    scores = [(in_view(v, points, normals, triangles) - LEVEL * (k >= len(AROUND)), v) for k, v in enumerate(views)]
+    points = grasp.positions + CONTACT_OFFSET * normals
+    scores = [
+        (in_view(v, points, normals, triangles) - STEEP_PENALTY * (k >= len(AZIMUTHS)), v) for k, v in enumerate(views)
+    ]
     return max(scores, key=lambda s: s[0])[1]
 
 
@@ -91,5 +93,5 @@ def first_hit(triangles: Array, eye: Array, through: Array) -> float:
         turned = np.cross(away, b - a)
         v = turned @ ray / volume
         share = np.einsum("ij,ij->i", c - a, turned) / volume
-        met = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE) & (share > 0) & (share < 1)
+        met = (u >= -RAY_TOLERANCE) & (v >= -RAY_TOLERANCE) & (u + v <= 1 + RAY_TOLERANCE) & (share > 0) & (share < 1)
     return float(share[met].min(initial=1.0))

@@ -19,7 +19,7 @@ from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+WRENCH_COMPONENTS = ("fx", "fy", "fz", "tx", "ty", "tz")
 Answers = Answer | HoldAnswer | MapAnswer | SweepAnswer | Plan | Grasps
 
 
@@ -98,7 +98,7 @@ def _answer(a: Answer) -> dict[str, Any]:
     elif a.posed is not None and not a.posed.goal.has_direction:
         row |= _wrench(a.posed.problem.wrench)
     else:
-        row |= dict.fromkeys(WRENCH, np.nan)
+        row |= dict.fromkeys(WRENCH_COMPONENTS, np.nan)
     row["residual"] = _residual(a)
     if isinstance(a, MaxAnswer):
         row |= {"lower": a.lower, "upper": a.upper, "unbounded": a.unbounded}
@@ -113,7 +113,7 @@ def _residual(a: Answer | None) -> float:
 
 
 def _wrench(w: Any) -> dict[str, float]:
-    return dict(zip(WRENCH, np.asarray(w, dtype=float).tolist(), strict=True))
+    return dict(zip(WRENCH_COMPONENTS, np.asarray(w, dtype=float).tolist(), strict=True))
 
 
 def _at(curve: Curve, i: int) -> dict[str, Any]:

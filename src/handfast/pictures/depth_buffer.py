@@ -19,12 +19,12 @@ from handfast.model.region import Region
 from handfast.pictures.camera import View
 from handfast.pictures.drawing import GREY, HALO, INK
 
-GRID = 12  # facets along each side of a region
+REGION_FACETS = 12  # facets along each side of a region
 LIFT = 6e-4  # [m] by which a region is drawn above its surface
 LIGHT = np.array([0.25, 0.35, 0.9]) / np.linalg.norm([0.25, 0.35, 0.9])
 SHADES = 12  # between the darkest and the lightest: few, so that the file stays small
-FINE = 2  # pixels drawn for each pixel shown, along each side
-DENSE = 150  # pixels shown in an inch
+OVERSAMPLING = 2  # pixels drawn for each pixel shown, along each side
+PIXELS_PER_INCH = 150  # pixels shown in an inch
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Facets:
 def region_facets(region: Region, pose: Array, color: str) -> Facets:
     """A region a little above its surface, wound to its outward normal."""
     lower, upper = region.bounds.T
-    first, second = np.linspace(lower, upper, GRID + 1).T
+    first, second = np.linspace(lower, upper, REGION_FACETS + 1).T
     u, v = np.meshgrid(first, second, indexing="ij")
     points, normals = region.at(u, v), region.outward(u, v)
     grid, normals = (points + LIFT * normals) @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T
@@ -55,7 +55,7 @@ def side_by_side(
     panels: Sequence[tuple[Sequence[Facets], View, tuple[Array, Array]]],
     page: tuple[float, float],
     shape: tuple[float, float],
-    dense: int = DENSE,
+    dense: int = PIXELS_PER_INCH,
 ) -> tuple[Figure, list[tuple[Axes, View]], float]:
     """A figure with rendered panels in a row on one scale, its axes, and the width of a panel [m].
 
@@ -75,7 +75,9 @@ def side_by_side(
         ax = figure.add_axes((k / count, foot / (tall + foot), 1 / count, tall / (tall + foot)))
         low, high = ((window[0] + window[1]) + s * size for s in (-1, 1))
         low, high = low / 2, high / 2
-        image = rendered(facets, view, low, high, (round(dense * tall) * FINE, round(dense * width / count) * FINE))
+        image = rendered(
+            facets, view, low, high, (round(dense * tall) * OVERSAMPLING, round(dense * width / count) * OVERSAMPLING)
+        )
         ax.imshow(thinned(image), extent=(low[0], high[0], low[1], high[1]), interpolation="nearest")
         framed(ax, low, high, view)
         axes.append((ax, view))
@@ -134,8 +136,8 @@ def _fill(image: Array, depth: Array, corner: Array, color: Array) -> None:
 
 def thinned(image: Array) -> Array:
     """Each FINE x FINE pixels as one."""
-    rows, columns = (n // FINE for n in image.shape[:2])
-    return image.reshape(rows, FINE, columns, FINE, 3).mean(axis=(1, 3))
+    rows, columns = (n // OVERSAMPLING for n in image.shape[:2])
+    return image.reshape(rows, OVERSAMPLING, columns, OVERSAMPLING, 3).mean(axis=(1, 3))
 
 
 def _normals(corners: Array) -> Array:

@@ -21,10 +21,10 @@ from handfast.pictures.scene import Mesh
 
 BLUE, MAROON, GREY, INK = "#2f6db3", "#8c1d40", "#9a9a9a", "#2b2b2b"
 AMBER, GREEN, VIOLET = "#d98200", "#2c7d4f", "#7a5cc4"
-SOLID = {"object": np.array([0.87, 0.78, 0.62]), "hand": np.array([0.62, 0.67, 0.73])}
-CLEAR = {"object": 0.55, "hand": 0.9}
+MESH_COLORS = {"object": np.array([0.87, 0.78, 0.62]), "hand": np.array([0.62, 0.67, 0.73])}
+MESH_OPACITY = {"object": 0.55, "hand": 0.9}
 DPI = 100
-ARROW: dict[str, Any] = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
+ARROW_STYLE: dict[str, Any] = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
 HALO = [withStroke(linewidth=2.5, foreground="white")]  # around text over a picture
 
 
@@ -74,9 +74,9 @@ def solids(ax: Any, meshes: Sequence[Mesh], V: Array) -> list[Array]:
         normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         light = 0.62 + 0.38 * np.abs(normal / length @ np.array([0.25, 0.35, 0.9]))
-        shade = np.clip(light[:, None] * SOLID[mesh.kind], 0, 1)
+        shade = np.clip(light[:, None] * MESH_COLORS[mesh.kind], 0, 1)
         corners.append(triangles)
-        colors.append(np.hstack([shade, np.full((len(shade), 1), CLEAR[mesh.kind])]))
+        colors.append(np.hstack([shade, np.full((len(shade), 1), MESH_OPACITY[mesh.kind])]))
     if not corners:
         return []
     triangles, color = np.vstack(corners), np.vstack(colors)

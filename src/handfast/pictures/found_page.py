@@ -27,9 +27,9 @@ from handfast.stability.studies.questions import force_map
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis
 
-NOTHING = "nothing was found that a page could show"
-STEPS = 48  # directions of the map
-NODES = 400  # of the search for each of them: a picture, its open directions are drawn as such
+NOTHING_FOUND = "nothing was found that a page could show"
+PAGE_DIRECTIONS = 48  # directions of the map
+PAGE_NODES = 400  # of the search for each of them: a picture, its open directions are drawn as such
 
 
 def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None:
@@ -115,7 +115,7 @@ def _write(
     force: bool,
 ) -> None:
     if not scene.grasps:
-        raise InputError(NOTHING, source=str(path))
+        raise InputError(NOTHING_FOUND, source=str(path))
     gallery = [(draw_scene(scene.meshes_of(k), g.grasp), g.said) for k, g in enumerate(scene.grasps)]
     write_text(path, render(scene, entries, notes=[note], facts=facts, gallery=gallery), force=force)
 
@@ -133,10 +133,10 @@ def report_grasp(path: str | Path, answer: Grasps, which: int = 0, *, force: boo
         InputError: the file exists and `force` is not set, or cannot be written.
     """
     g, body = answer.grasps[which], answer.body
-    settings = Settings(nodes=NODES)
+    settings = Settings(nodes=PAGE_NODES)
     entries = [Entry(f"Does it hold “{name}”?", a) for name, a in zip(answer.loads.names, g.answer.checks, strict=True)]
     weight = None if body.mass is None else 9.81 * body.mass
-    whole = force_map(g.grasp, plane_of(answer), steps=STEPS, at=body.center_of_mass, settings=settings)
+    whole = force_map(g.grasp, plane_of(answer), steps=PAGE_DIRECTIONS, at=body.center_of_mass, settings=settings)
     title = f"Which forces at the centre of mass does it hold, in the {whole.plane} plane?"
     entries.append(Entry(title, whole, weight=weight))
     notes = [

@@ -19,11 +19,15 @@ from handfast.core.arrays import Array
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Grasp
 from handfast.pictures.camera import View, views
-from handfast.pictures.drawing import AMBER, ARROW, BLUE, GREEN, GREY, HALO, INK, VIOLET, solids, windowed
+from handfast.pictures.drawing import AMBER, ARROW_STYLE, BLUE, GREEN, GREY, HALO, INK, VIOLET, solids, windowed
 from handfast.pictures.scene import Mesh, arrows, finger_lines, placed_joints
 from handfast.stability.problem.witness import Witness
 
-NAMED, COLUMNS, LINE = 8, 3, 0.16  # joints that are named in place; columns of the key, and [inches] a line of it
+NAMED, KEY_COLUMNS, KEY_LINE = (
+    8,
+    3,
+    0.16,
+)  # joints that are named in place; columns of the key, and [inches] a line of it
 TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure
 ARROWS = {"forces": (BLUE, 6), "motions": (VIOLET, 5), "disturbance": (AMBER, 7)}  # colours, order of drawing
 JOINT = 0.3  # half length of a joint axis, in grasp sizes
@@ -61,7 +65,7 @@ def _side_by_side(panels: Sequence[tuple[Grasp, Sequence[Mesh], View]], witness:
     headroom = 1.6 * triad  # above the drawing, for the object frame's axes
     height = max(height, 0.6 * width) + 2 * headroom
     names = [] if panels[0][1] else joint_key(grasp)
-    legend = 0.78 + LINE * -(-len(names) // COLUMNS)  # [inches] below the panels
+    legend = 0.78 + KEY_LINE * -(-len(names) // KEY_COLUMNS)  # [inches] below the panels
     panel = 8.0 / count * height / width
     figure.set_size_inches(8.0, panel + legend + 0.28)
     total = panel + legend + 0.28
@@ -74,9 +78,14 @@ def _side_by_side(panels: Sequence[tuple[Grasp, Sequence[Mesh], View]], witness:
     foot: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, (legend - 0.78) / total)}
     figure.legend(handles=_key(grasp, witness), ncols=3, frameon=False, fontsize=9, **foot)
     for k, text in enumerate(names):
-        column, row = divmod(k, -(-len(names) // COLUMNS))
+        column, row = divmod(k, -(-len(names) // KEY_COLUMNS))
         figure.text(
-            0.02 + column / COLUMNS, (legend - 0.8 - LINE * row) / total, text, va="top", fontsize=7.5, color=GREEN
+            0.02 + column / KEY_COLUMNS,
+            (legend - 0.8 - KEY_LINE * row) / total,
+            text,
+            va="top",
+            fontsize=7.5,
+            color=GREEN,
         )
     return figure
 
@@ -170,7 +179,7 @@ def _arrow(
     small = min(1.0, seen / (0.25 * size))  # a short arrow gets a small head, or it would point backwards
     head = max(2.0, (9 if thin else 14) * small)
     width = (1.3 if thin else 2.4) * max(small, 0.5)
-    ax.annotate("", b, a, zorder=order, arrowprops=ARROW | {"mutation_scale": head, "color": color, "lw": width})
+    ax.annotate("", b, a, zorder=order, arrowprops=ARROW_STYLE | {"mutation_scale": head, "color": color, "lw": width})
     return b
 
 
@@ -226,7 +235,9 @@ def _frame(ax: Any, middle: Array, half: Array, view: View, length: float) -> No
     for k, name in enumerate("xyz"):
         step = length * view.matrix[:2, k]
         if np.linalg.norm(step) > 0.15 * length:
-            ax.annotate("", corner + step, corner, arrowprops=ARROW | {"color": GREY, "lw": 1, "mutation_scale": 7})
+            ax.annotate(
+                "", corner + step, corner, arrowprops=ARROW_STYLE | {"color": GREY, "lw": 1, "mutation_scale": 7}
+            )
             ax.text(*(corner + 1.5 * step), name, fontsize=8, color=INK, ha="center", va="center")
 
 

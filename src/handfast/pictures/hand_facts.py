@@ -28,7 +28,7 @@ from handfast.model.shape import Shape
 from handfast.planning.candidates.palm_poses import Palm, palm_of
 from handfast.readers.xml_file import read_robot_xml
 
-FAR = 10.0  # [m] from the hand, where a body that nobody asked about is
+BODY_DISTANCE = 10.0  # [m] from the hand, where a body that nobody asked about is
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def shown_hand(
 
 def _nothing() -> Body:
     """A small ball far from the hand: a scene has an object."""
-    return Body.of([Shape("sphere", [1e-3], transform([0.0, 0.0, FAR]))], name="nothing")
+    return Body.of([Shape("sphere", [1e-3], transform([0.0, 0.0, BODY_DISTANCE]))], name="nothing")
 
 
 def _fingers(hand: Hand, regions: HandRegions | None) -> tuple[str, ...]:

@@ -12,16 +12,22 @@ from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegions
 from handfast.pictures import hand_rows, page_parts
-from handfast.pictures.depth_buffer import DENSE
+from handfast.pictures.depth_buffer import PIXELS_PER_INCH
 from handfast.pictures.drawing import data_uri, picture
 from handfast.pictures.hand_facts import HandFacts, ShownHand, facts_of, shown_hand
-from handfast.pictures.hand_picture import PALM, draw_hand, hand_scene, tint
+from handfast.pictures.hand_picture import PALM_COLORS, draw_hand, hand_scene, tint
 from handfast.pictures.page_parts import table
-from handfast.pictures.view3d import COLORS
+from handfast.pictures.view3d import PART_COLORS
 from handfast.pictures.words import tendon_rows
 
-PROGRAM = ("shapes3d.js", "kinematics3d.js", "stage3d.js", "controls3d.js", "hand3d.js")  # one script, in this order
-SWITCHES = {  # name: (label, on at first)
+HAND_SCRIPTS = (
+    "shapes3d.js",
+    "kinematics3d.js",
+    "stage3d.js",
+    "controls3d.js",
+    "hand3d.js",
+)  # one script, in this order
+HAND_SWITCHES = {  # name: (label, on at first)
     "hand": ("links", True),
     "regions": ("regions", True),
     "joints": ("joint axes", True),
@@ -30,9 +36,9 @@ SWITCHES = {  # name: (label, on at first)
     "tags": ("region names", False),
     "perspective": ("perspective", True),
 }
-PICTURES, PAGES = (".png", ".svg"), (".html", ".htm")
-COARSE = 80  # pixels in an inch of the still picture in a page, which few will see
-MANY = 40  # rows of a table that is not folded away
+PICTURE_ENDINGS, PAGES = (".png", ".svg"), (".html", ".htm")
+STILL_DPI = 80  # pixels in an inch of the still picture in a page, which few will see
+MAX_TABLE_ROWS = 40  # rows of a table that is not folded away
 
 
 def report_hand(
@@ -70,10 +76,10 @@ def report_hand(
 def write_hand(path: str | Path, shown: ShownHand, *, force: bool = False) -> None:
     """The same of a hand that was looked at already. Raises `InputError` as `report_hand` does of files."""
     ending = Path(path).suffix.lower()
-    if ending not in PICTURES + PAGES:
-        raise InputError(f"a name that ends in {', '.join(PAGES + PICTURES)} is needed", source=str(path))
-    if ending in PICTURES:
-        write_bytes(path, picture(draw_hand(shown), ending[1:], dpi=DENSE), force=force)
+    if ending not in PICTURE_ENDINGS + PAGES:
+        raise InputError(f"a name that ends in {', '.join(PAGES + PICTURE_ENDINGS)} is needed", source=str(path))
+    if ending in PICTURE_ENDINGS:
+        write_bytes(path, picture(draw_hand(shown), ending[1:], dpi=PIXELS_PER_INCH), force=force)
     else:
         write_text(path, hand_page(shown), force=force)
 
@@ -82,7 +88,7 @@ def hand_page(shown: ShownHand) -> str:
     """The whole page as HTML."""
     facts = shown.facts
     data, notes = hand_scene(shown)
-    still = data_uri(draw_hand(shown, COARSE), dpi=COARSE)
+    still = data_uri(draw_hand(shown, STILL_DPI), dpi=STILL_DPI)
     sliders = f'<div class="sliders">{_sliders(facts)}</div>'
     instead = "Here the hand can be turned and its joints moved"
     below = (
@@ -91,11 +97,11 @@ def hand_page(shown: ShownHand) -> str:
         '<pre class="configuration"></pre></details>'
     )
     controls = page_parts.select("side", "", [v["title"] for v in data["sides"]])
-    controls += page_parts.switches(SWITCHES, thing=shown.body is not None)
+    controls += page_parts.switches(HAND_SWITCHES, thing=shown.body is not None)
     parts = [
         f'<h1>{escape(facts.hand.name)}</h1><p class="facts">{escape(hand_rows.counts(facts))}</p>',
         *(f'<p class="why">{escape(text)}</p>' for text in facts.missing),
-        page_parts.view3d(data, PROGRAM, (controls, sliders, instead, below)),
+        page_parts.view3d(data, HAND_SCRIPTS, (controls, sliders, instead, below)),
         f'<figure class="still"><img alt="The hand from two sides" src="{still}"></figure>',
         *(f'<p class="note">{escape(note)}</p>' for note in notes),
         *_sections(shown),
@@ -151,12 +157,12 @@ def _caption(shown: ShownHand) -> str:
     facts = shown.facts
 
     marks = [page_parts.mark(tint(facts, f)[0], f, "square") for f in facts.fingers]
-    marks += [page_parts.mark(PALM[0], "palm", "square")]
+    marks += [page_parts.mark(PALM_COLORS[0], "palm", "square")]
     marks += [
-        page_parts.mark(COLORS["cone"], "joint that closes, with its sense"),
-        page_parts.mark(COLORS["axes"], "other joint"),
+        page_parts.mark(PART_COLORS["cone"], "joint that closes, with its sense"),
+        page_parts.mark(PART_COLORS["axes"], "other joint"),
     ]
-    marks += [page_parts.mark(COLORS["load"], "palm's approach")] if facts.palm else []
+    marks += [page_parts.mark(PART_COLORS["load"], "palm's approach")] if facts.palm else []
     return f"{''.join(marks)}<br>Regions are darker than their finger. {page_parts.TURNING}"
 
 
@@ -192,6 +198,6 @@ def _sections(shown: ShownHand) -> list[str]:
 
 
 def _folded(title: str, heads: list[str], rows: list[list[str]]) -> str:
-    if len(rows) <= MANY:
+    if len(rows) <= MAX_TABLE_ROWS:
         return table(heads, rows, title)
     return f"<details><summary>{escape(title)}: {len(rows)}</summary>{table(heads, rows)}</details>"

@@ -23,11 +23,11 @@ from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Link
 from handfast.model.shape import Shape
 from handfast.pictures.camera import ALONG, TILT, View, upright
-from handfast.pictures.depth_buffer import DENSE, Facets, region_facets, side_by_side
-from handfast.pictures.drawing import GREEN, GREY, INK, SOLID
+from handfast.pictures.depth_buffer import PIXELS_PER_INCH, Facets, region_facets, side_by_side
+from handfast.pictures.drawing import GREEN, GREY, INK, MESH_COLORS
 from handfast.pictures.hand_facts import HandFacts, ShownHand
 from handfast.pictures.scene import Mesh, coarse
-from handfast.pictures.view3d import COLORS, packed
+from handfast.pictures.view3d import PART_COLORS, packed
 
 TINTS = (  # of a finger's links, and of its regions
     ("#8fb3dd", "#1f5fb4"),
@@ -37,17 +37,17 @@ TINTS = (  # of a finger's links, and of its regions
     ("#e0a3a3", "#a82f38"),
     ("#93cccc", "#157a7c"),
 )
-PALM = (to_hex(tuple(SOLID["hand"])), "#3b444d")
-OF_HAND, OF_OBJECT = 60_000, 40_000  # triangles in a page
-FEWEST = 100  # triangles that a solid keeps
-SIZE = 0.3  # of marks, in half diagonals of the hand
+PALM_COLORS = (to_hex(tuple(MESH_COLORS["hand"])), "#3b444d")
+HAND_TRIANGLES, OBJECT_TRIANGLES = 60_000, 40_000  # triangles in a page
+MIN_TRIANGLES = 100  # triangles that a solid keeps
+MARK_SIZE = 0.3  # of marks, in half diagonals of the hand
 STILL_OF_HAND, STILL_OF_OBJECT = 8_000, 6_000  # triangles in a still picture
-WIDTH, FOOT = 9.0, 0.75  # [inches] of the figure, and of the key below the panels
-ROOM = 0.015  # [m] around what is seen
+HAND_FIGURE_WIDTH, HAND_KEY_HEIGHT = 9.0, 0.75  # [inches] of the figure, and of the key below the panels
+VIEW_MARGIN = 0.015  # [m] around what is seen
 AXIS = 0.06  # half length of a joint axis, in the width of a panel
 
 
-def draw_hand(shown: ShownHand, dense: int = DENSE) -> Figure:
+def draw_hand(shown: ShownHand, dense: int = PIXELS_PER_INCH) -> Figure:
     """The hand at its configuration from the side to which it closes, and from behind; with the object, if any.
 
     Links have the colour of their finger, regions are darker. Axes of joints that close are green.
@@ -58,7 +58,7 @@ def draw_hand(shown: ShownHand, dense: int = DENSE) -> Figure:
     panel = _solids(shown)
     at_an_angle, _, behind, *_ = hand_sides(shown)
     seen = [(panel, view, _window(panel, view)) for view in (at_an_angle, behind)]
-    figure, axes, wide = side_by_side(seen, (WIDTH, FOOT), (1.4, 0.6), dense)
+    figure, axes, wide = side_by_side(seen, (HAND_FIGURE_WIDTH, HAND_KEY_HEIGHT), (1.4, 0.6), dense)
     for ax, view in axes:
         _axes(ax, shown, view, AXIS * wide)
     key = _key(shown)
@@ -81,7 +81,7 @@ def _solids(shown: ShownHand) -> list[Facets]:
     if shown.body is not None:
         vertices, faces, _ = coarse(shown.body.vertices, shown.body.faces, STILL_OF_OBJECT)
         placed = vertices @ shown.pose[:3, :3].T + shown.pose[:3, 3]
-        found.append(Facets(placed[faces], SOLID["object"], True))
+        found.append(Facets(placed[faces], MESH_COLORS["object"], True))
     return found
 
 
@@ -89,7 +89,7 @@ def _window(panel: list[Facets], view: View) -> tuple[Array, Array]:
     """Corners (2,) of what is seen, with room around it."""
     corners = [f.corners.reshape(-1, 3) for f in panel] or [np.zeros((1, 3))]
     flat = np.vstack(corners) @ view.matrix[:2].T
-    room = max(ROOM, 0.08 * float(np.ptp(flat, axis=0).max()))
+    room = max(VIEW_MARGIN, 0.08 * float(np.ptp(flat, axis=0).max()))
     return flat.min(axis=0) - room, flat.max(axis=0) + room
 
 
@@ -104,11 +104,11 @@ def _axes(ax: Any, shown: ShownHand, view: View, half: float) -> None:
 def _key(shown: ShownHand) -> list[Any]:
     facts = shown.facts
     entries: list[Any] = [Patch(fc=tint(facts, f)[0], label=f) for f in facts.fingers]
-    entries.append(Patch(fc=PALM[0], label="palm"))
+    entries.append(Patch(fc=PALM_COLORS[0], label="palm"))
     if facts.regions is not None:
         entries.append(Patch(fc=INK, label="regions: darker"))
     if shown.body is not None:
-        entries.append(Patch(fc=tuple(SOLID["object"]), label="object"))
+        entries.append(Patch(fc=tuple(MESH_COLORS["object"]), label="object"))
     entries.append(Line2D([], [], color=GREEN, lw=1.1, label="axis of a joint that closes"))
     if not np.all(facts.hand.closing):
         entries.append(Line2D([], [], color=GREY, lw=1.1, label="other joint"))
@@ -121,7 +121,7 @@ def _key(shown: ShownHand) -> list[Any]:
 def tint(facts: HandFacts, finger: str) -> tuple[str, str]:
     """The colours of a finger's links and of its regions."""
     names = facts.fingers
-    return TINTS[names.index(finger) % len(TINTS)] if finger in names else PALM
+    return TINTS[names.index(finger) % len(TINTS)] if finger in names else PALM_COLORS
 
 
 def link_meshes(link: Link, share: float = 1.0) -> tuple[list[Mesh], float]:
@@ -130,7 +130,7 @@ def link_meshes(link: Link, share: float = 1.0) -> tuple[list[Mesh], float]:
     for shape in link.shapes:
         vertices, faces = shape.triangles()
         if share < 1:
-            vertices, faces, cell = coarse(vertices, faces, max(FEWEST, int(share * len(faces))))
+            vertices, faces, cell = coarse(vertices, faces, max(MIN_TRIANGLES, int(share * len(faces))))
             lost = max(lost, cell)
             if cell:
                 with suppress(InputError):  # so thin that nothing but a plane is left: as it is then
@@ -154,7 +154,7 @@ def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
     `colors`. A pose is the rows of [R t], 12 numbers.
     """
     facts, hand, palm = shown.facts, shown.facts.hand, shown.facts.palm
-    share = triangle_share(facts, OF_HAND)
+    share = triangle_share(facts, HAND_TRIANGLES)
     links, points, lost = [], [np.zeros((1, 3))], 0.0
     for i, (link, pose) in enumerate(zip(hand.links, hand.link_poses(shown.q), strict=True)):
         meshes, cell = link_meshes(link, share)
@@ -167,10 +167,10 @@ def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
     if palm:
         points.append(palm.center[None])
     reach = np.vstack(points)
-    size = SIZE * float(np.linalg.norm(np.ptp(reach, axis=0))) / 2
+    size = MARK_SIZE * float(np.linalg.norm(np.ptp(reach, axis=0))) / 2
     thing = None
     if shown.body is not None:
-        vertices, faces, cell = coarse(shown.body.vertices, shown.body.faces, OF_OBJECT)
+        vertices, faces, cell = coarse(shown.body.vertices, shown.body.faces, OBJECT_TRIANGLES)
         thing = {"solid": packed([Mesh(vertices, faces, "object")]), "pose": _rows(shown.pose)}
         notes += [_coarser("The object is", cell)] if cell else []
         reach = np.vstack([reach, vertices @ shown.pose[:3, :3].T + shown.pose[:3, 3]])
@@ -192,7 +192,7 @@ def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
         "sides": [{"title": v.title, "matrix": _exact(v.matrix)} for v in hand_sides(shown)],
         "size": size or 0.01,
         "box": [_exact(reach.min(axis=0)), _exact(reach.max(axis=0))],
-        "colors": COLORS,
+        "colors": PART_COLORS,
     }, notes
 
 

@@ -15,14 +15,14 @@ from handfast.pictures.label_picture import draw_labels
 from handfast.pictures.page_parts import BAD, page, still, table
 from handfast.pictures.words import count, num
 
-HELD_BY = {  # a word of the column: what it says
+HELD_BY_TEXTS = {  # a word of the column: what it says
     "these": "holds with these commands",
     "others": "could hold with others: column holding_commands",
     "none": "cannot hold with any commands",
     "undecided": "undecided",
 }
 NO_MASS = "not asked: no mass is known; give --mass KG"
-MOST = 100  # grasps that are listed
+LISTED_GRASPS = 100  # grasps that are listed
 CAPTION = "Grasps by contacts, and how factors on the weight, forces and commands are spread; colours are verdicts."
 
 LISTED = (
@@ -33,7 +33,7 @@ LISTED = (
 
 def held_rows(summary: LabelSummary) -> list[tuple[str, str]]:
     """What holds the weight from every direction, and how many grasps; without what there is none of."""
-    held = [(said, summary.held_by[key]) for key, said in HELD_BY.items()]
+    held = [(said, summary.held_by[key]) for key, said in HELD_BY_TEXTS.items()]
     held.append((NO_MASS, summary.verdicts["no weight"]))
     return [(said, str(number)) for said, number in held if number]
 
@@ -45,12 +45,12 @@ def report_labels(
 
     Args:
         name: of the table.
-        labels: its rows, of which the first `MOST` are listed.
+        labels: its rows, of which the first `LISTED_GRASPS` are listed.
 
     Raises:
         InputError: the file exists and `force` is not set, or cannot be written.
     """
-    first = list(islice(labels, MOST))
+    first = list(islice(labels, LISTED_GRASPS))
     about = f"{summary.labelled} of {count(summary.rows, 'grasp')} labelled, {summary.broken} broken."
     if summary.open:
         about += f" {count(summary.open, 'question')} stayed open; the rows say what was shown."

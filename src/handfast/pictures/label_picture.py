@@ -14,7 +14,7 @@ from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
 from handfast.pictures.words import num
 
 VERDICT_COLORS = {"holds": BLUE, "slips": MAROON, "undecided": AMBER, "no weight": GREY, "broken": INK}
-APART, ROOM = 3, 5  # bins between the rest and what is beyond it, and that the words below it take
+GAP_BINS, WORD_BINS = 3, 5  # bins between the rest and what is beyond it, and that the words below it take
 PANELS = {
     "weight_factor": "least factor on the weight",
     "worst_force": "largest force in the worst direction [N]",
@@ -59,7 +59,10 @@ def _spread(ax: Any, summary: LabelSummary, column: str) -> None:
     inside = np.flatnonzero(np.sum(list(bins.values()), axis=0)[1:-1]) + 1
     first, last = (inside[0], inside[-1]) if len(inside) else (n // 2, n // 2)
     x = places[:-1].copy()
-    x[0], x[-1] = places[first] - APART * wide, places[last] + APART * wide  # the first and last hold all beyond them
+    x[0], x[-1] = (
+        places[first] - GAP_BINS * wide,
+        places[last] + GAP_BINS * wide,
+    )  # the first and last hold all beyond them
     beyond = [(0, "up to {}", places[1]), (-1, "from {}", places[-2])]
     filled = [(k, text.format(num(10**edge, 2))) for k, text, edge in beyond if any(b[k] for b in bins.values())]
     ends = [(x[k] + wide / 2, text) for k, text in filled]
@@ -74,7 +77,7 @@ def _spread(ax: Any, summary: LabelSummary, column: str) -> None:
     if len(inside):
         tens = np.arange(np.floor(places[first]), np.ceil(places[last + 1]) + 1)
         shown = tens[(tens >= places[first] - wide) & (tens <= places[last + 1] + wide)]
-        shown = [t for t in shown if all(abs(t - at) > ROOM * wide for at, _ in ends)]
+        shown = [t for t in shown if all(abs(t - at) > WORD_BINS * wide for at, _ in ends)]
         ends += [(t, num(10**t, 2)) for t in shown or (places[first], places[last + 1])]
     ends.sort()
     ax.set_xticks([at for at, _ in ends], [text for _, text in ends])

@@ -19,11 +19,15 @@ from handfast.pictures.words import num
 from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 FILL = {BLUE: "#6c9fd6", MAROON: MAROON}  # far apart in lightness too, for print and colour-blind eyes
-WEAK = "#d0021b"
-HELD = {"enough": (INK, 1.2, "-"), "weak": (WEAK, 4.5, "-"), "open": (AMBER, 3.0, ":")}  # arcs of the weight's circle
-HOLE: dict[str, Any] = {"fc": "#ffffff", "ec": WEAK, "hatch": "xxxx", "lw": 0.0}
-OPEN: dict[str, Any] = {"fc": "#bdbdbd", "ec": "#5c5c5c", "hatch": "////", "lw": 0.0}  # what is not decided
-FEW = 72  # directions; up to here each one is marked by a dot
+WEAK_COLOR = "#d0021b"
+ARC_STYLES = {
+    "enough": (INK, 1.2, "-"),
+    "weak": (WEAK_COLOR, 4.5, "-"),
+    "open": (AMBER, 3.0, ":"),
+}  # arcs of the weight's circle
+HOLE: dict[str, Any] = {"fc": "#ffffff", "ec": WEAK_COLOR, "hatch": "xxxx", "lw": 0.0}
+OPEN_STYLE: dict[str, Any] = {"fc": "#bdbdbd", "ec": "#5c5c5c", "hatch": "////", "lw": 0.0}  # what is not decided
+DOTTED_DIRECTIONS = 72  # directions; up to here each one is marked by a dot
 
 
 # --- maps ---------------------------------------------------------------------------------------
@@ -95,7 +99,7 @@ def _outline(d: Array, curve: Curve, radius: float) -> Array:
 def _region(ax: Any, d: Array, curve: Curve, radius: float, color: str, order: int) -> None:
     outline = _outline(d, curve, radius)
     ax.add_patch(Polygon(outline, fc=FILL[color], ec=color, lw=0.8, zorder=order))
-    if len(d) <= FEW:
+    if len(d) <= DOTTED_DIRECTIONS:
         inside = (np.abs(outline) <= radius).all(axis=1) & (np.linalg.norm(outline, axis=1) > 0.01 * radius)
         ax.plot(*outline[inside].T, "o", ms=3.2, mfc="white", mec=color, mew=0.9, zorder=order + 3)
 
@@ -115,7 +119,7 @@ def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> int:
         low = float(np.nan_to_num(curve.lower[k]))
         high = float(min(np.nan_to_num(curve.upper[k], nan=np.inf, posinf=np.inf), 4 * radius))
         seen += low < 1.42 * radius
-        ax.add_patch(Wedge((0, 0), high, *sector, width=high - low, alpha=0.75, zorder=5, **OPEN))
+        ax.add_patch(Wedge((0, 0), high, *sector, width=high - low, alpha=0.75, zorder=5, **OPEN_STYLE))
     return seen
 
 
@@ -134,7 +138,7 @@ def _holes(ax: Any, d: Array, curve: Curve, radius: float) -> int:
 def _circle(ax: Any, d: Array, curve: Curve, weight: float) -> None:
     """The object's weight, arc by arc: is as much resisted in that direction?"""
     for (first, last), state in zip(_sectors(d), sentences.weight_states(curve, weight), strict=True):
-        color, width, dash = HELD[state]
+        color, width, dash = ARC_STYLES[state]
         arc = Arc((0, 0), 2 * weight, 2 * weight, theta1=first, theta2=last)
         arc.set(color=color, lw=width, ls=dash, zorder=8)
         ax.add_patch(arc)
@@ -158,17 +162,17 @@ def _map_key(
     if answer.preloaded is not None:
         entries.append(Patch(fc=MAROON, label="added by the preload"))
     if hatched:
-        entries.append(Patch(label="not decided", **OPEN))
+        entries.append(Patch(label="not decided", **OPEN_STYLE))
     if holed:
         entries.append(Patch(label="slips, though more is resisted", **HOLE))
-    if len(answer.directions) <= FEW:
+    if len(answer.directions) <= DOTTED_DIRECTIONS:
         few = Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec=INK, label="computed direction")
         entries.append(few)
     if weight:
         labels = {"enough": f"weight of {num(weight)} N", "weak": "less is resisted there"}
         labels["open"] = "weight: not decided"
         held = {"enough", *sentences.weight_states(answer.curves[-1], weight)}
-        for state, (color, width, dash) in HELD.items():
+        for state, (color, width, dash) in ARC_STYLES.items():
             if state in held:
                 entries.append(Line2D([], [], color=color, lw=width, ls=dash, label=labels[state]))
     place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.675, 0.93)}

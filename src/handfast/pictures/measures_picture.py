@@ -18,12 +18,12 @@ from handfast.measures.measuring import MeasuredValue, Measures
 from handfast.model.grasp import Grasp
 from handfast.pictures import words
 from handfast.pictures.camera import views
-from handfast.pictures.drawing import AMBER, ARROW, BLUE, INK, tidy
+from handfast.pictures.drawing import AMBER, ARROW_STYLE, BLUE, INK, tidy
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.scene import Mesh
 from handfast.pictures.words import num
 
-LEAST = 0.006  # of the axis: a bar of nothing is still to be seen
+MIN_BAR = 0.006  # of the axis: a bar of nothing is still to be seen
 UNDER: dict[str, Any] = {"fontsize": 8.5, "color": INK, "ha": "center", "va": "bottom"}
 OPEN_BAR: dict[str, Any] = {"fc": "#d9d9d9", "hatch": "////", "lw": 0, "zorder": 3}
 
@@ -109,7 +109,7 @@ def _bars(ax: Any, found: Measures) -> None:
     for k, (lower, upper, color, _) in enumerate(series):
         at = rows + (k - (len(series) - 1) / 2) * height
         low, high = np.minimum(lower, reach), np.minimum(upper, reach)
-        ax.barh(at, np.maximum(low, LEAST * reach), height * 0.9, color=color, zorder=3)
+        ax.barh(at, np.maximum(low, MIN_BAR * reach), height * 0.9, color=color, zorder=3)
         ax.barh(at, np.where(upper > 1.02 * lower, high - low, 0.0), height * 0.9, left=low, ec=color, **OPEN_BAR)
         for y, x, x_most in zip(at, lower, upper, strict=True):
             _number(ax, y, (float(x), float(x_most)), reach, color)
@@ -130,7 +130,11 @@ def _number(ax: Any, y: float, bounds: tuple[float, float], reach: float, color:
     end = min(x, reach)
     if x > reach:
         ax.annotate(
-            "", (1.035 * reach, y), (reach, y), annotation_clip=False, arrowprops=ARROW | {"color": color, "lw": 1.5}
+            "",
+            (1.035 * reach, y),
+            (reach, y),
+            annotation_clip=False,
+            arrowprops=ARROW_STYLE | {"color": color, "lw": 1.5},
         )
     inside = end > 0.85 * reach
     style: dict[str, Any] = {"ha": "right", "color": "white"} if inside else {"ha": "left", "color": INK}

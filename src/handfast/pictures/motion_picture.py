@@ -18,16 +18,16 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.pictures import Entry, write_report
 from handfast.pictures.camera import View, views
-from handfast.pictures.drawing import AMBER, ARROW, BLUE, GREY, INK, MAROON, solids, windowed
+from handfast.pictures.drawing import AMBER, ARROW_STYLE, BLUE, GREY, INK, MAROON, solids, windowed
 from handfast.pictures.scene import Mesh, MovingScene, applied, scene_meshes, source_meshes
 from handfast.pictures.words import count, listed, load_text, num, sentence
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.settled import PathPoint, Rest, Settled, verdict_of
 
-PICTURES = 5  # along a path
+PATH_PICTURES = 5  # along a path
 FRAMES, MOMENTS = 30, 6  # of a film, and of a strip
-SEEN = 0.25  # [grasp sizes] to which the largest motion is enlarged
-REACH = 0.8  # [grasp sizes] length of the largest force
+MAX_MOTION_LENGTH = 0.25  # [grasp sizes] to which the largest motion is enlarged
+MAX_FORCE_LENGTH = 0.8  # [grasp sizes] length of the largest force
 VIEW = View.of(-55.0, 22.0, "")
 
 
@@ -79,7 +79,7 @@ def details(found: Settled) -> list[str]:
     return [*lines, *map(sentence, found.notes)]
 
 
-def draw_settled(found: Settled, frames: int = PICTURES) -> Figure:
+def draw_settled(found: Settled, frames: int = PATH_PICTURES) -> Figure:
     """Hand and object along the path, as the hand sees them; below, how far it moved and how much of the load acted.
 
     Blue: normal forces of contacts. The object's first place is outlined by the points of its first contacts, in grey.
@@ -204,10 +204,10 @@ def strip(result: SimulationResult, scene: MovingScene | None = None, pictures: 
 def enlargement(result: SimulationResult) -> float:
     """By how much the object's motion is enlarged: 1 where it is seen as it is."""
     size, most = result.grasp.size, float(result.motion.max())
-    if most <= 0 or most > SEEN * size:
+    if most <= 0 or most > MAX_MOTION_LENGTH * size:
         return 1.0
-    ten = float(10.0 ** np.floor(np.log10(SEEN * size / most)))
-    return max(step * ten for step in (1, 2, 5) if step * ten * most <= SEEN * size)
+    ten = float(10.0 ** np.floor(np.log10(MAX_MOTION_LENGTH * size / most)))
+    return max(step * ten for step in (1, 2, 5) if step * ten * most <= MAX_MOTION_LENGTH * size)
 
 
 def _moments(result: SimulationResult, count: int) -> list[int]:
@@ -247,9 +247,9 @@ def _frame(ax: Any, result: SimulationResult, k: int, scene: MovingScene | None)
     most = max(float(np.linalg.norm(result.forces, axis=2).max()), float(np.linalg.norm(result.wrench[:3])), 1e-300)
     for i, contact in enumerate(grasp.contacts):
         force = turn @ (contact.frame[:, 0] * result.forces[k, i, 0])
-        _arrow(ax, at[i] @ V[:2].T, REACH * size / most * V[:2] @ force, BLUE)
+        _arrow(ax, at[i] @ V[:2].T, MAX_FORCE_LENGTH * size / most * V[:2] @ force, BLUE)
     origin, w = applied(result.load[k] * result.wrench, middle, 2 * size)
-    _arrow(ax, V[:2] @ (origin + shift), REACH * size / most * V[:2] @ w[:3], AMBER)
+    _arrow(ax, V[:2] @ (origin + shift), MAX_FORCE_LENGTH * size / most * V[:2] @ w[:3], AMBER)
     seen = np.vstack([p, *(m.vertices for m in meshes)]) @ V[:2].T
     low, high = seen.min(axis=0) - 0.6 * size, seen.max(axis=0) + 0.6 * size
     windowed(ax, (low + high) / 2, float((high - low).max()) / 2)
@@ -259,7 +259,7 @@ def _frame(ax: Any, result: SimulationResult, k: int, scene: MovingScene | None)
 
 def _arrow(ax: Any, at: Array, along: Array, color: str) -> None:
     if np.linalg.norm(along) > 0:
-        style = ARROW | {"color": color, "lw": 1.6}
+        style = ARROW_STYLE | {"color": color, "lw": 1.6}
         ax.annotate("", at + along, at, arrowprops=style, zorder=7, annotation_clip=False)
 
 

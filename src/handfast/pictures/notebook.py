@@ -49,9 +49,9 @@ from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task
 
-FEW = 5  # grasps, loads and so on that are named; of more it is said how many there are
-STYLE = "max-width:48rem;line-height:1.45"
-PICTURE = "max-width:100%;background:#fff;border-radius:.3rem"  # figures are drawn on white, in dark notebooks too
+NAMED_ITEMS = 5  # grasps, loads and so on that are named; of more it is said how many there are
+NOTEBOOK_CSS = "max-width:48rem;line-height:1.45"
+FIGURE_CSS = "max-width:100%;background:#fff;border-radius:.3rem"  # figures are drawn on white, in dark notebooks too
 
 
 # --- words ---------------------------------------------------------------------------------------
@@ -246,7 +246,7 @@ def _cost(answer: Any) -> str:
 
 
 def _few(rows: list[str]) -> list[str]:
-    return rows if len(rows) <= FEW + 1 else [*rows[:FEW], f"and {len(rows) - FEW} more"]
+    return rows if len(rows) <= NAMED_ITEMS + 1 else [*rows[:NAMED_ITEMS], f"and {len(rows) - NAMED_ITEMS} more"]
 
 
 # --- pictures ------------------------------------------------------------------------------------
@@ -258,8 +258,8 @@ def html(thing: Any) -> str:
     said = "".join(f"<div>{line}</div>" for line in others)
     drawn = ""
     if (figure := draw(thing)) is not None:
-        drawn = f'<img style="{PICTURE}" alt="{first}" src="{data_uri(figure, "png")}">'
-    return f'<div style="{STYLE}"><b>{first}</b>{said}{drawn}</div>'
+        drawn = f'<img style="{FIGURE_CSS}" alt="{first}" src="{data_uri(figure, "png")}">'
+    return f'<div style="{NOTEBOOK_CSS}"><b>{first}</b>{said}{drawn}</div>'
 
 
 @singledispatch
@@ -275,7 +275,7 @@ def draw_equilibrium(grasp: Grasp, witness: Witness | None = None) -> Figure:
 
 def draw_found(hand: Hand, body: Body, grasps: Sequence[PlannedGrasp | ProvedGrasp]) -> Figure | None:
     """The first few grasps of a search side by side; None without any."""
-    found = [(g.grasp, scene_meshes(hand, g.q, body, g.pose)) for g in grasps[:FEW]]
+    found = [(g.grasp, scene_meshes(hand, g.q, body, g.pose)) for g in grasps[:NAMED_ITEMS]]
     return draw_grasps(found) if found else None
 
 

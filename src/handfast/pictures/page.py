@@ -25,7 +25,7 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.studies.maps import MapAnswer, SweepAnswer
 
-MANY = 3  # checks; from one more on, only the first one that holds is drawn in still pictures
+DRAWN_CHECKS = 3  # checks; from one more on, only the first one that holds is drawn in still pictures
 
 
 @kinds_checked
@@ -50,7 +50,7 @@ def render(
     grasp, meshes = scene.grasps[0].grasp, scene.meshes_of(0)
     checks = [e for e in entries if isinstance(e.answer, CheckAnswer)]
     held = [e for e in checks if getattr(e.answer, "witness", None)]
-    folded = {id(e) for e in held[1:]} if len(checks) > MANY else set()
+    folded = {id(e) for e in held[1:]} if len(checks) > DRAWN_CHECKS else set()
     parts = [_section(grasp, entry, settings, meshes, folded=id(entry) in folded) for entry in entries]
     witnessed = any(getattr(e.answer, "witness", None) for e in entries)
     parts.append(_grasp_section(grasp, () if witnessed else meshes, draw=not witnessed))
@@ -64,7 +64,7 @@ def render(
         f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(about)}</p>',
         *(f'<p class="facts">{escape(laws)}</p>' for laws in [laws_text(grasp)] if laws),
         *(f"<p>{escape(note)}</p>" for note in notes),
-        _overview(facts, checks if len(checks) > MANY else []),
+        _overview(facts, checks if len(checks) > DRAWN_CHECKS else []),
         view3d.view(scene),
     ]
     return page_parts.page(grasp.name, ["page.css"], [*top, *parts])

@@ -18,7 +18,7 @@ from handfast.stability.problem import model
 from handfast.stability.problem.witness import Witness
 from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
-SHALLOW = 1e-9  # [m]; depths below are rounding
+MIN_SHOWN_DEPTH = 1e-9  # [m]; depths below are rounding
 EQUATIONS = {
     "object_balance": "(1) object in equilibrium",
     "joint_balance": "(2) joint torques carried",
@@ -209,7 +209,7 @@ def grasp_table(grasp: Grasp) -> str:
             vector(1e3 * c.position, 4),
             vector(c.normal),
             num(c.friction),
-            num(1e3 * c.depth, 2) if abs(c.depth) >= SHALLOW else "0",
+            num(1e3 * c.depth, 2) if abs(c.depth) >= MIN_SHOWN_DEPTH else "0",
         ]
         for i, c in enumerate(grasp.contacts)
     ]

@@ -15,7 +15,7 @@ from handfast.stability.answers import MaxAnswer
 from handfast.stability.studies.sampled_maximum import SampledMaximum
 
 BINS = 30
-APART = 0.01  # relative distance of two bounds beyond which the lower one is called a bound
+SAMPLED_BOUND_GAP = 0.01  # relative distance of two bounds beyond which the lower one is called a bound
 
 
 def bounds_text(found: SampledMaximum) -> str:
@@ -33,7 +33,7 @@ def bound_text(answer: MaxAnswer, factor: float) -> str:
     if answer.unbounded:
         return "any size"
     lower, upper = num(factor * answer.lower), num(factor * answer.upper)
-    if answer.upper <= (1 + APART) * answer.lower:
+    if answer.upper <= (1 + SAMPLED_BOUND_GAP) * answer.lower:
         return lower
     if answer.lower == 0:
         return f"not decided, at most {upper}" if np.isfinite(answer.upper) else "not decided"
@@ -51,7 +51,7 @@ def conclusion(found: SampledMaximum) -> list[str]:
     if not decided:
         return lines
     lower, upper = found.lower[found.decided], found.upper[found.decided]
-    if bounds := int((upper > (1 + APART) * lower).sum()):
+    if bounds := int((upper > (1 + SAMPLED_BOUND_GAP) * lower).sum()):
         part = "1 value is a lower bound" if bounds == 1 else f"{bounds} values are lower bounds"
         lines.append(f"{part}: the search ended before it was known how much more is resisted.")
     slips = int((found.values == 0).sum())

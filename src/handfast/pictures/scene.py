@@ -20,12 +20,16 @@ from handfast.model.hand.hand import Hand
 from handfast.model.shape import Faces, Shape
 from handfast.stability.problem.witness import Witness
 
-FORCE, MOTION, MOMENT = 0.85, 0.4, 0.6  # [grasp sizes] lengths of the largest force, motion, and of a torque
-LEAST = 0.3  # [grasp sizes] length of a disturbance at least
+FORCE_LENGTH, MOTION_LENGTH, MOMENT = (
+    0.85,
+    0.4,
+    0.6,
+)  # [grasp sizes] lengths of the largest force, motion, and of a torque
+MIN_LOAD_LENGTH = 0.3  # [grasp sizes] length of a disturbance at least
 SLOW = 0.02  # share of the fastest motion below which one is left out
 SINGLE = 1e-6  # cosine of force and torque below which a wrench is a single force
-OFF = 5e-3  # [m] beyond its gap or depth, a contact that is this far off a surface is none of it
-WIDER = 1.25  # from one try to the next
+SURFACE_DISTANCE = 5e-3  # [m] beyond its gap or depth, a contact that is this far off a surface is none of it
+CELL_GROWTH = 1.25  # from one try to the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +157,15 @@ def arrows(grasp: Grasp, wrench: Array | None, witness: Witness | None) -> list[
     largest = max(float(strength.max(initial=0.0)), float(np.linalg.norm(w[:3])))
     for at, force, f in zip(p, forces, strength, strict=False):
         if f > 1e-6 * largest:
-            out.append(Arrow("forces", at, FORCE * size / largest * force))
+            out.append(Arrow("forces", at, FORCE_LENGTH * size / largest * force))
     fastest = float(speed.max(initial=0.0))
     for at, motion, v in zip(p, motions, speed, strict=False):
         if v > SLOW * fastest:
-            out.append(Arrow("motions", at, MOTION * size / fastest * motion))
+            out.append(Arrow("motions", at, MOTION_LENGTH * size / fastest * motion))
     at, about = applied(w, p.mean(axis=0), 2 * size)
     force, torque = float(np.linalg.norm(about[:3])), float(np.linalg.norm(about[3:]))
     if force > 1e-9 * largest:
-        out.append(Arrow("disturbance", at, size * max(FORCE / largest, LEAST / force) * about[:3]))
+        out.append(Arrow("disturbance", at, size * max(FORCE_LENGTH / largest, MIN_LOAD_LENGTH / force) * about[:3]))
     if torque > 1e-9 * largest * size:
         out.append(Arrow("disturbance", at, MOMENT * size / torque * about[3:], heads=2))
     return out
@@ -244,7 +248,7 @@ def _off(grasp: Grasp, hand: Hand, poses: Array, pieces: Sequence[Shape]) -> lis
             solids[contact.link] = [shape.placed(poses[k]) for shape in hand.links[k].shapes]
         for name, shapes in solids.items():
             depth = max((float(s.depth(contact.position[None])[0]) for s in shapes), default=0.0)
-            if abs(depth) > OFF + abs(contact.depth):
+            if abs(depth) > SURFACE_DISTANCE + abs(contact.depth):
                 changed = "contacts, scale or configuration are not those of this grasp"
                 return [f"contact {i} is at least {1e3 * abs(depth):.3g} mm off the surface of {name}: {changed}"]
     return []
@@ -279,7 +283,7 @@ def coarse(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces, floa
         kept = kept[np.sort(first)]
         if len(kept) <= most:
             break
-        cell *= WIDER
+        cell *= CELL_GROWTH
     count = np.bincount(owner)[:, None]
     middles = np.column_stack([np.bincount(owner, weights=x) for x in vertices.T]) / count
     used, compact = np.unique(kept, return_inverse=True)

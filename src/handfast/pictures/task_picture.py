@@ -15,14 +15,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from handfast.core.arrays import Array
-from handfast.pictures.camera import LEVEL, View, in_view
+from handfast.pictures.camera import STEEP_PENALTY, View, in_view
 from handfast.pictures.depth_buffer import Facets, region_facets, side_by_side
-from handfast.pictures.drawing import HALO, INK, SOLID
+from handfast.pictures.drawing import HALO, INK, MESH_COLORS
 from handfast.readers.load_body import load_body
 from handfast.synthesis.task import Task
 
 HAND_REGION, OBJECT_REGION = "#1f5fb4", "#d0530c"
-AROUND = {
+AZIMUTH_TEXTS = {
     0: "from the front",
     45: "from the front, thumb's side",
     90: "from the thumb's side",
@@ -32,10 +32,10 @@ AROUND = {
     270: "from the far side",
     315: "from the front, far side",
 }
-ABOVE = {-25: ", from below", 15: "", 50: ", from above"}
-APART = (View.of(28.0, 20.0, "regions on the hand"), View.of(28.0, 30.0, "regions on the object"))
+ELEVATION_TEXTS = {-25: ", from below", 15: "", 50: ", from above"}
+REGION_VIEWS = (View.of(28.0, 20.0, "regions on the hand"), View.of(28.0, 30.0, "regions on the object"))
 SECOND = 0.8  # cosine between the two directions of view, at most
-WIDTH, FOOT = 8.0, 0.8  # [inches] of the figure, and of the key below the panels
+TASK_FIGURE_WIDTH, TASK_KEY_HEIGHT = 8.0, 0.8  # [inches] of the figure, and of the key below the panels
 
 
 class Drawable(Protocol):
@@ -69,12 +69,12 @@ def draw_task(task: Task, solution: Drawable | None = None) -> Figure:
     """
     if solution is None:
         panels = [_hand(task, task.hand.limits.mean(axis=1)), _object(task, np.eye(4))]
-        sides: Sequence[View] = APART
+        sides: Sequence[View] = REGION_VIEWS
     else:
         both = _hand(task, np.asarray(solution.q)) + _object(task, np.asarray(solution.pose))
         panels, sides = [both, both], clearest(both, solution)
     seen = [(p, view, _window(p, view, solution)) for p, view in zip(panels, sides, strict=True)]
-    figure, axes, wide = side_by_side(seen, (WIDTH, FOOT), (1.3, 0.8))
+    figure, axes, wide = side_by_side(seen, (TASK_FIGURE_WIDTH, TASK_KEY_HEIGHT), (1.3, 0.8))
     if solution is not None:
         for ax, view in axes:
             _contacts(ax, solution, view, 0.1 * wide)
@@ -82,7 +82,10 @@ def draw_task(task: Task, solution: Drawable | None = None) -> Figure:
     links = ",  ".join(f"{k}: {t.link}" for k, t in enumerate(task.contact_pairs))
     where: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 9, "color": INK}
     figure.text(
-        0.5, (FOOT - 0.28) / figure.get_size_inches()[1], "   ".join(t for t in (task.name, links) if t), **where
+        0.5,
+        (TASK_KEY_HEIGHT - 0.28) / figure.get_size_inches()[1],
+        "   ".join(t for t in (task.name, links) if t),
+        **where,
     )
     return figure
 
@@ -97,7 +100,7 @@ def _hand(task: Task, q: Array) -> list[Facets]:
     for link, pose in zip(task.hand.links, poses, strict=True):
         for shape in link.shapes:
             vertices, faces = shape.placed(pose).triangles()
-            found.append(Facets(vertices[faces], SOLID["hand"], True))
+            found.append(Facets(vertices[faces], MESH_COLORS["hand"], True))
     for pair, link_index in zip(task.contact_pairs, task.links, strict=True):
         found.append(region_facets(pair.hand, poses[link_index], HAND_REGION))
     return found
@@ -109,7 +112,7 @@ def _object(task: Task, pose: Array) -> list[Facets]:
     if task.object is not None:
         body = load_body(task.object)
         vertices = body.vertices @ pose[:3, :3].T + pose[:3, 3]
-        found.append(Facets(vertices[body.faces], SOLID["object"], True))
+        found.append(Facets(vertices[body.faces], MESH_COLORS["object"], True))
     return found + [region_facets(pair.object, pose, OBJECT_REGION) for pair in task.contact_pairs]
 
 
@@ -122,10 +125,10 @@ def clearest(panel: Sequence[Facets], solution: Drawable) -> tuple[View, View]:
     beside = np.concatenate([points - 1e-3 * normals, points + 1e-3 * normals])  # just outside of each surface
     solids = np.concatenate([f.corners for f in panel if f.solid])
     found = []
-    for up, said in ABOVE.items():
-        for turn, title in AROUND.items():
+    for up, said in ELEVATION_TEXTS.items():
+        for turn, title in AZIMUTH_TEXTS.items():
             view = View.of(float(turn), float(up), title + said)
-            found.append((in_view(view, beside, normals, solids) - LEVEL * (up != 15), view))
+            found.append((in_view(view, beside, normals, solids) - STEEP_PENALTY * (up != 15), view))
     found.sort(key=lambda f: -f[0])
     first = found[0][1]
     return first, next(v for _, v in found if v.matrix[2] @ first.matrix[2] <= SECOND)
@@ -133,7 +136,7 @@ def clearest(panel: Sequence[Facets], solution: Drawable) -> tuple[View, View]:
 
 def _window(panel: Sequence[Facets], view: View, solution: Drawable | None) -> tuple[Array, Array]:
     """Corners (2,) of what has to be seen: the hand and the contacts, or the object about its regions."""
-    hand = [f.corners for f in panel if f.color is SOLID["hand"]]
+    hand = [f.corners for f in panel if f.color is MESH_COLORS["hand"]]
     seen = [c.reshape(-1, 3) for c in (hand or [f.corners for f in panel if not f.solid])]
     if solution is not None:
         seen.append(np.asarray(solution.points))
@@ -157,8 +160,8 @@ def _contacts(ax: Any, solution: Drawable, view: View, length: float) -> None:
 
 def _key(solution: Drawable | None) -> list[Any]:
     entries: list[Any] = [
-        Patch(fc=SOLID["hand"], label="hand"),
-        Patch(fc=SOLID["object"], label="object"),
+        Patch(fc=MESH_COLORS["hand"], label="hand"),
+        Patch(fc=MESH_COLORS["object"], label="object"),
         Patch(fc=HAND_REGION, label="region of the hand"),
         Patch(fc=OBJECT_REGION, label="region of the object"),
     ]

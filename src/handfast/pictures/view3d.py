@@ -18,25 +18,25 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.pictures import page_parts
 from handfast.pictures.camera import ALONG, TILT, View, around, clearest, upright, views
-from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET
+from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, MESH_COLORS, VIOLET
 from handfast.pictures.scene import DrawnScene, Mesh, ShownLoad, arrows, coarse, finger_lines, placed_joints, triangles
 
-BONE = "#c2c8cf"  # fingers as rods, where there are no solids
-COLORS = {
-    "hand": to_hex(tuple(SOLID["hand"])),
-    "object": to_hex(tuple(SOLID["object"])),
+ROD_COLOR = "#c2c8cf"  # fingers as rods, where there are no solids
+PART_COLORS = {
+    "hand": to_hex(tuple(MESH_COLORS["hand"])),
+    "object": to_hex(tuple(MESH_COLORS["object"])),
     "ink": INK,
-    "bone": BONE,
+    "bone": ROD_COLOR,
     "cone": GREEN,
     "axes": GREY,
     "force": BLUE,
     "motion": VIOLET,
     "load": AMBER,
 }
-PROGRAM = ("shapes3d.js", "stage3d.js", "controls3d.js", "view3d.js")
+VIEW_SCRIPTS = ("shapes3d.js", "stage3d.js", "controls3d.js", "view3d.js")
 SHADOW = 300  # triangles of a shape that may hide contacts from view
-WIDE = 1 << 16  # vertices that two bytes can no longer count
-SWITCHES = {  # name: (label, on at first with forces, without)
+SHORT_INDICES = 1 << 16  # vertices that two bytes can no longer count
+VIEW_SWITCHES = {  # name: (label, on at first with forces, without)
     "hand": ("hand", True, True),
     "cones": ("friction cones", True, True),
     "normals": ("normals", False, True),
@@ -56,7 +56,7 @@ def view(shown: DrawnScene) -> str:
     """The figure as HTML, with its switches, its data and its program."""
     instead = "Here the grasp can be turned and looked at from all sides"
     caption = f"<figcaption>{_caption(any(g.loads for g in shown.grasps))}</figcaption>"
-    return page_parts.view3d(scene_json(shown), PROGRAM, (_controls(shown), "", instead, caption))
+    return page_parts.view3d(scene_json(shown), VIEW_SCRIPTS, (_controls(shown), "", instead, caption))
 
 
 def scene_json(shown: DrawnScene) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def scene_json(shown: DrawnScene) -> dict[str, Any]:
         "grasps": grasps,
         "size": shown.grasps[0].grasp.size,
         "box": [_short(corners[:, 0].min(axis=0)), _short(corners[:, 1].max(axis=0))],
-        "colors": COLORS,
+        "colors": PART_COLORS,
     }
 
 
@@ -128,7 +128,7 @@ def packed(meshes: Sequence[Mesh]) -> dict[str, Any]:
     vertices = np.vstack([m.vertices for m in meshes]).astype("<f4") + np.float32(0)  # no -0
     faces = np.vstack([np.asarray(m.faces) + start for m, start in zip(meshes, starts, strict=False)])
     unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
-    wide = len(unique) >= WIDE
+    wide = len(unique) >= SHORT_INDICES
     faces = inverse.reshape(-1)[faces].astype("<u4" if wide else "<u2")
     return {"vertices": _base64(unique), "faces": _base64(faces), "wide": wide}
 
@@ -148,7 +148,8 @@ def _controls(shown: DrawnScene) -> str:
     forces = any(load.witness for load in loads)
     first = next((i for i, load in enumerate(loads) if load.witness), 0)
     boxes = {
-        name: (label, with_forces if forces else without) for name, (label, with_forces, without) in SWITCHES.items()
+        name: (label, with_forces if forces else without)
+        for name, (label, with_forces, without) in VIEW_SWITCHES.items()
     }
     return (
         page_parts.select("grasp", "grasp", [g.title for g in shown.grasps], steps=True)
@@ -161,7 +162,7 @@ def _controls(shown: DrawnScene) -> str:
 def _caption(loaded: bool) -> str:
     key = [("force", "force of the hand on the object"), ("load", "disturbance (two heads: torque)")]
     entries = [*(key if loaded else []), ("cone", "friction cone, joint axis")]
-    marks = "".join(page_parts.mark(COLORS[name], text) for name, text in entries)
+    marks = "".join(page_parts.mark(PART_COLORS[name], text) for name, text in entries)
     marks += page_parts.mark("var(--ink)", "contact, normal")
     return f"{marks}<br>{page_parts.TURNING}"
 

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from handfast.model.hand.joint_law import JointLaw
     from handfast.planning.evaluation.quality import GraspQuality
 
-AXES = "xyz"
-STOPS = {"lower": "cannot open further", "upper": "cannot close further", "both": "cannot move"}
-MANY = 4  # joints that are named
-USUAL = "–"  # a joint stops at its limits and has nothing else
+AXIS_LETTERS = "xyz"
+STOP_TEXTS = {"lower": "cannot open further", "upper": "cannot close further", "both": "cannot move"}
+NAMED_JOINTS = 4  # joints that are named
+USUAL_JOINT_TEXT = "–"  # a joint stops at its limits and has nothing else
 BEST_FIRST = "robust before fragile, then the larger margin, then the smaller command"
 LEANS = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}  # what a HOLDS leans on
-MARGIN = "how many times each load, as it was given, is held under the preload (certified)"
+MARGIN_TEXT = "how many times each load, as it was given, is held under the preload (certified)"
 
 
 def num(x: float, digits: int = 4) -> str:
@@ -50,7 +50,7 @@ def along(v: Sequence[float] | Array) -> str:
     u /= np.linalg.norm(u)
     k = int(np.abs(u).argmax())
     if abs(u[k]) > 1 - 1e-12:
-        return ("+" if u[k] > 0 else "−") + AXES[k]
+        return ("+" if u[k] > 0 else "−") + AXIS_LETTERS[k]
     return vector(u)
 
 
@@ -203,7 +203,7 @@ def body_text(body: Body) -> str:
 def laws_text(grasp: Grasp) -> str:
     """'Joint laws: friction 0.01 N·m at a and b; a cannot open further; backdrivable: m.'; '' if there are none."""
     said = [*_shared(grasp, "friction", "friction {} at {}"), *_shared(grasp, "torque", "given torque {} at {}")]
-    for stop, text in STOPS.items():
+    for stop, text in STOP_TEXTS.items():
         names = [j.name for j in grasp.joints if j.stop == stop]
         said += [f"{_few(names)} {text}"] if names else []
     mech = grasp.mechanism
@@ -217,11 +217,12 @@ def joint_text(grasp: Grasp, joint: int) -> str:
     j, unit = grasp.joints[joint], joint_unit(grasp, joint)
     said = [f"friction {num(j.friction)} {unit}"] if j.friction else []
     said += [f"given torque {num(j.torque)} {unit}"] if j.torque else []
-    return ", ".join([*said, STOPS[j.stop]] if j.stop else said)
+    return ", ".join([*said, STOP_TEXTS[j.stop]] if j.stop else said)
 
 
 def hand_joint_text(hand: Hand, joint: int) -> str:
-    """Of one joint of a hand: 'friction 0.01 N·m, spring 0.05 N·m/rad, slack at 2.62 rad'; `USUAL` for no more."""
+    """Of one joint of a hand: 'friction 0.01 N·m, spring 0.05 N·m/rad, slack at 2.62 rad'; `USUAL_JOINT_TEXT` for no
+    more."""
     j = hand.joints[joint]
     return _law_text(j.law, (j.lower, j.upper), *(("N·m", "rad") if j.type == "revolute" else ("N", "m")))
 
@@ -257,7 +258,7 @@ def _law_text(law: JointLaw, limits: tuple[float, float], force: str, way: str) 
     if law.springs:
         rest = " to ".join(dict.fromkeys(num(end) for end in law.rest))
         said.append(f"spring {num(law.stiffness)} {force}/{way}, slack at {rest} {way}")
-    return ", ".join(said) or USUAL
+    return ", ".join(said) or USUAL_JOINT_TEXT
 
 
 def _shared(grasp: Grasp, what: str, text: str) -> list[str]:
@@ -270,4 +271,4 @@ def _shared(grasp: Grasp, what: str, text: str) -> list[str]:
 
 
 def _few(names: Sequence[str]) -> str:
-    return listed(names) if len(names) <= MANY else f"{len(names)} joints"
+    return listed(names) if len(names) <= NAMED_JOINTS else f"{len(names)} joints"

@@ -20,14 +20,14 @@ from handfast.model.grasp import Contact
 from handfast.model.hand.hand import Hand
 from handfast.proofs.motors import STOP_ANGLE, STOP_TRAVEL
 
-GAP = 2e-5  # [m] a link nearer than this touches; bisection stops between 0 and this
+TOUCH_GAP = 2e-5  # [m] a link nearer than this touches; bisection stops between 0 and this
 OVERLAP = 1e-4  # [m] a start deeper than this is refused
-SLIDE = 0.1  # [m/s] of a prismatic joint while revolute ones turn 1 rad/s
-LEAST = 2e-3  # [s] smallest step between looks; the distances say how much larger it may be
-MOST = 0.1  # [s] the largest while loops change how joints follow
+SLIDE_SPEED = 0.1  # [m/s] of a prismatic joint while revolute ones turn 1 rad/s
+MIN_CLOSING_STEP = 2e-3  # [s] smallest step between looks; the distances say how much larger it may be
+MAX_CLOSING_STEP = 0.1  # [s] the largest while loops change how joints follow
 STUCK = 1e-9  # [rad, m] by which a joint that drives a loop is behind where its linkage ends
-REACH = 0.03  # [m] beyond this, distances are not computed
-ROUNDING = 1e-12
+CLOSING_CUTOFF = 0.03  # [m] beyond this, distances are not computed
+CLOSING_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ def close(
     pose = checked_pose(object_pose)
     q0 = checked_joints(hand, q0, "q0")
     scene = scene or Scene(hand, body)
-    links, between = scene.clearances(q0, pose, REACH)
+    links, between = scene.clearances(q0, pose, CLOSING_CUTOFF)
     worst = int(links.argmin())
     if links[worst] < -OVERLAP:
         raise InputError(
@@ -103,7 +103,7 @@ def close(
             field="q0",
         )
     motion = _Motion(hand, q0, (links, between), hand.breakaway if breakaway is None else breakaway)
-    watched = np.flatnonzero(between > GAP)  # those that meet already are allowed to
+    watched = np.flatnonzero(between > TOUCH_GAP)  # those that meet already are allowed to
     motion.arrive(links, between, scene.self_pairs, watched)
     while motion.rate.any():
         motion.advance(scene, pose, watched)
@@ -118,7 +118,7 @@ class _Motion:
         self.hand, self.q, self.seen, self.breakaway = hand, np.array(q, dtype=float), seen, breakaway
         self.chains = [hand.moved_by(i) for i in range(len(hand.links))]
         self.moved = np.array([[j in chain for j in range(hand.l)] for chain in self.chains])  # (n_links, l)
-        self.speed = np.array([SLIDE if j.type == "prismatic" else 1.0 for j in hand.joints])
+        self.speed = np.array([SLIDE_SPEED if j.type == "prismatic" else 1.0 for j in hand.joints])
         self.couplings = {c.joint: c for c in hand.couplings if c.driver >= 0}
         self.stopped: dict[str, str] = {}
         self.touching: list[str] = []
@@ -132,13 +132,13 @@ class _Motion:
 
     def arrive(self, links: Array, between: Array, pairs: list[tuple[int, int]], watched: Indices) -> None:
         """Stop what has reached something, and what hangs on that; then set the rates anew."""
-        for i in np.flatnonzero(links <= GAP):
+        for i in np.flatnonzero(links <= TOUCH_GAP):
             name = self.hand.links[i].name
             if name not in self.touching:
                 self.touching.append(name)
                 self._stop(self.chains[i], f"{name} touches")
         for k in watched:
-            if between[k] <= GAP:
+            if between[k] <= TOUCH_GAP:
                 first, second = pairs[k]
                 a, b = (self.hand.links[i].name for i in (first, second))
                 self._stop(self._apart(first, second), f"{a} meets {b}")
@@ -156,21 +156,21 @@ class _Motion:
         meet = fast[first] + fast[second]
         apart = self.moved[first[watched]] ^ self.moved[second[watched]]  # joints that move one against the other
         live = watched[(apart & (self.rate != 0)).any(axis=1)]
-        free = np.concatenate([(links - GAP)[moves] / fast[moves], (between - GAP)[live] / meet[live]])
-        step = min(max(LEAST, free.min(initial=np.inf)), self._time_to_limit())
-        step = min(step, MOST) if self.hand.loops else step
+        free = np.concatenate([(links - TOUCH_GAP)[moves] / fast[moves], (between - TOUCH_GAP)[live] / meet[live]])
+        step = min(max(MIN_CLOSING_STEP, free.min(initial=np.inf)), self._time_to_limit())
+        step = min(step, MAX_CLOSING_STEP) if self.hand.loops else step
 
         def ahead(t: float) -> tuple[float, Array, Array]:
-            d, m = scene.clearances(self._at(start, t), pose, REACH)
+            d, m = scene.clearances(self._at(start, t), pose, CLOSING_CUTOFF)
             return min([np.inf, *d[moves], *m[live]]), d, m
 
         least, links, between = ahead(step)
         if least < 0:
             before, after = 0.0, step
-            while not 0 <= least <= GAP and after - before > ROUNDING:
+            while not 0 <= least <= TOUCH_GAP and after - before > CLOSING_ROUNDING:
                 step = (before + after) / 2
                 least, links, between = ahead(step)
-                before, after = (step, after) if least > GAP else (before, step)
+                before, after = (step, after) if least > TOUCH_GAP else (before, step)
             if least < 0:  # it was touching from the start of the step
                 step = before
                 least, links, between = ahead(step)
@@ -206,7 +206,7 @@ class _Motion:
 
     def _limits(self) -> None:
         for j in self._moving():
-            if j not in self._still and self._room(j) <= ROUNDING:
+            if j not in self._still and self._room(j) <= CLOSING_ROUNDING:
                 self._stop({j}, "limit")
 
     def _moving(self) -> list[int]:

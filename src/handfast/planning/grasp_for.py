@@ -29,7 +29,7 @@ from handfast.geometry.contacts import of_body
 from handfast.geometry.dexterity import dexterity
 from handfast.geometry.scene import Scene, rest_overlaps
 from handfast.model.body import Body
-from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
+from handfast.planning.evaluation.evaluator import EVALUATION_CUTOFF, Evaluator, requests
 from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, Improved, LocalSearch, Strength
 from handfast.planning.filters.balance import friction_margin
 from handfast.planning.joined_search import JoinedSearch
@@ -46,7 +46,7 @@ from handfast.planning.question import (
 )
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.grasps_file import motors_to_dict
-from handfast.planning.results.search_file import REASONS, FoundEntry, SavedSearch
+from handfast.planning.results.search_file import COUNTED_REASONS, FoundEntry, SavedSearch
 from handfast.planning.search import Gathering, Journal, UnitResult
 from handfast.proofs.contact_force_limits import ForceLimits, contact_force_limits
 from handfast.proofs.fields import Fields
@@ -67,7 +67,7 @@ from handfast.synthesis.task_problem import TaskProblem
 FIRST_BOXES = 512  # of placements that are examined before any configuration is sought
 BOUND_FIRST = 0.25  # of all the time, before any configuration is sought, for at most so many boxes
 BOUND_SHARE = 0.5  # of the time of the search, for the bound of what any placement holds, where the best is asked for
-CLOSED = 1.01  # a bound over what the best grasp holds: near enough to end the search
+CLOSED_RATIO = 1.01  # a bound over what the best grasp holds: near enough to end the search
 BALANCE_SHARE = 0.2  # of the time in which nothing is found, for the proof that no forces balance the loads
 LAST_BOXES = 4096  # .. of that proof, where synthesis certifies nothing and the search ends
 JOINED_SHARE = 0.3  # .. for the proof that every configuration is discarded for some reason
@@ -119,7 +119,7 @@ def grasp_for(
     refuse_no_cone(friction, o.torsion)
     scene = Scene(task.hand, body, link_pairs(task.hand, o.ignored))
     problem = TaskProblem.of(task)
-    collisions = Collisions(scene, cutoff=NEAR, at_rest=rest_overlaps(scene, at_zero=True))
+    collisions = Collisions(scene, cutoff=EVALUATION_CUTOFF, at_rest=rest_overlaps(scene, at_zero=True))
     evaluator = Evaluator(problem, collisions, loads, friction, o.allowed, o.torsion)
     asked = Requirements.of(o.limits, friction, names, o.torsion)
     work = LocalSearch(evaluator, o.seed, asked, best=o.best, force_limits=force_limits_of(task, asked))
@@ -216,7 +216,7 @@ class _TaskSearch:
         if self.work.best is None:
             return self.gathered.enough
         held = max((f.factor for f in self.gathered.kept), default=0.0)
-        return self.gathered.enough and self.bound is not None and self.bound.factor <= CLOSED * held
+        return self.gathered.enough and self.bound is not None and self.bound.factor <= CLOSED_RATIO * held
 
     def run(self, timeout: float | None, jobs: int | None, scheduler: str | None) -> Grasps:
         """Units until enough are found, and the torques of each."""
@@ -387,7 +387,7 @@ class _TaskSearch:
             schema="handfast/search/1",
             question=self.question,
             units=self.units,
-            fates=self.gathered.tally.to_json("holds", REASONS),
+            fates=self.gathered.tally.to_json("holds", COUNTED_REASONS),
             judged=self.evaluated,
             starts=self.starts,
             unproved=self.unproved,

@@ -4,7 +4,8 @@ For sets of contacts (each alone, each two, all), in turns, boxes of their confi
 cannot be made there, a link is too deep in the object or in another link, or no contact forces balance the loads.
 Each reason proposes a claim for a box, from what is so in its middle; the checker's own arithmetic says whether it
 discards the box. The claim that was tried last on a box is the first that its halves try. One set without a box left
-settles the task. A set is given up at a box that no reason discards, and in which nothing moves by more than `FINEST`.
+settles the task. A set is given up at a box that no reason discards, and in which nothing moves by more than
+`MIN_BOX_MOTION`.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from handfast.planning.question import Allowed
 from handfast.planning.virtual_motions import VirtualMotions
 from handfast.proofs.convex_solids import SolidsData, solid_to_dict
 from handfast.proofs.discarded_boxes import (
-    BATCH,
-    CONTACTS,
+    DISCARD_BATCH,
+    NO_CONTACT_ENTRY,
     Balance,
     Boxes,
     Collision,
@@ -42,20 +43,20 @@ from handfast.proofs.discarded_boxes import (
 )
 from handfast.proofs.fields import BadFile, Fields, Integers
 from handfast.proofs.motors import Motors
-from handfast.proofs.posed_boxes import CHARTS, OBJECT, ContactBoxes, Pose
+from handfast.proofs.posed_boxes import CHARTS, OBJECT_LINK, ContactBoxes, Pose
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import TaskData, read_task
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import Task
 
-MOST = 300_000  # boxes of a set that are kept in memory
-FINEST = 1e-5  # [m] a box in which nothing moves further is not halved
-CORNERS = 48  # of a mesh at most, whose hull stands for it
-SAMPLES = 24  # points of a solid that may show an overlap
-STEPS = (0.3, 0.1, 0.03)  # to points beside the best sample, of the smaller solid's radius
-BESIDE = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=float)
-SHARES = (0.95, 0.5)  # of the way from its middle to its surface
-LEAST = 0.05  # sets have turns by how much of them is left, but no more than of one with this share
+MAX_SET_BOXES = 300_000  # boxes of a set that are kept in memory
+MIN_BOX_MOTION = 1e-5  # [m] a box in which nothing moves further is not halved
+HULL_CORNERS = 48  # of a mesh at most, whose hull stands for it
+OVERLAP_POINTS = 24  # points of a solid that may show an overlap
+OVERLAP_STEPS = (0.3, 0.1, 0.03)  # to points beside the best sample, of the smaller solid's radius
+NEIGHBOUR_OFFSETS = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=float)
+DEPTH_SHARES = (0.95, 0.5)  # of the way from its middle to its surface
+MIN_TURN_SHARE = 0.05  # sets have turns by how much of them is left, but no more than of one with this share
 NO_CLAIM = -1
 OTHERS = 0.3  # of what other links move counts beside the first contact's: they need joints to be known, it does not
 
@@ -95,7 +96,7 @@ class _Sampled:
         """None of a mesh that has no inside."""
         faces = None
         if shape.kind == "mesh":
-            chosen = _spread(shape.vertices, CORNERS)
+            chosen = _spread(shape.vertices, HULL_CORNERS)
             try:
                 hull = Shape.hull(shape.vertices[chosen], shape.pose)
             except (InputError, QhullError):
@@ -104,8 +105,8 @@ class _Sampled:
             faces = np.array([rows[tuple(v)] for v in hull.vertices.tolist()])[hull.faces]
             shape = hull
         surface, middle = shape.triangles()[0], shape.centroid
-        points = np.vstack([middle, *(middle + share * (surface - middle) for share in SHARES)])
-        points = points[_spread(points, SAMPLES)]
+        points = np.vstack([middle, *(middle + share * (surface - middle) for share in DEPTH_SHARES)])
+        points = points[_spread(points, OVERLAP_POINTS)]
         depths = shape.depth(points)
         radius = float(np.linalg.norm(surface - middle, axis=1).max())
         return cls(shape, faces, points, depths, radius)
@@ -161,21 +162,21 @@ class CollisionProposer:
     def __init__(self, contacts: ContactBoxes, collisions: Collisions, solids: SolidsData) -> None:
         scene = collisions.scene
         carriers: dict[int, Sequence[Shape]] = {i: link.shapes for i, link in enumerate(scene.hand.links)}
-        carriers[OBJECT] = scene.body.pieces
+        carriers[OBJECT_LINK] = scene.body.pieces
         sampled = {(i, k): _Sampled.of(s) for i, its in carriers.items() for k, s in enumerate(its)}
         self.sampled = {key: s for key, s in sampled.items() if s is not None}
         faced = {i: list(solids.of(i)) for i in carriers}
         for (i, k), s in self.sampled.items():
             if s.faces is not None:
                 faced[i][k] = faced[i][k].with_faces(s.faces)
-        thing = tuple(faced.pop(OBJECT))
+        thing = tuple(faced.pop(OBJECT_LINK))
         self.solids = SolidsData({i: tuple(s) for i, s in faced.items()}, thing, solids.allowed)
         placed = contacts.placed
         self.pairs = [
             (a, b)
             for a in self.sampled
             for b in self.sampled
-            if a[0] in placed and b[0] in placed | {OBJECT} and (a[0], b[0]) in solids.allowed
+            if a[0] in placed and b[0] in placed | {OBJECT_LINK} and (a[0], b[0]) in solids.allowed
         ]
         self.first = contacts.task.links[0]
         self.links = sorted({a[0] for a, _ in self.pairs})
@@ -196,7 +197,7 @@ class CollisionProposer:
         out = np.zeros(boxes.box.shape[:2])
         for link in self.links:
             middle = self.sampled[min(key for key in self.sampled if key[0] == link)].shape.centroid
-            which = np.tile([link, OBJECT], (len(out), 1))
+            which = np.tile([link, OBJECT_LINK], (len(out), 1))
             reach = self.reach(boxes, which, np.tile(middle, (len(out), 1)))
             out = np.fmax(out, reach if link == self.first else OTHERS * reach)
         return out
@@ -252,12 +253,12 @@ class _Meeting:
         """(M,) what is spare, at most, and (M, 3) where: at a sample of either solid, or beside the best of these."""
         back = (other.points - self.shift[:, None]) @ self.turn  # into the first one's frame
         x, m = np.concatenate([np.tile(one.points, (len(back), 1, 1)), back], axis=1), np.arange(len(back))
-        for step in (*STEPS, None):
+        for step in (*OVERLAP_STEPS, None):
             spare = self._spare(x)
             k = spare.argmax(axis=1)
             value, at = spare[m, k], x[m, k]
             if step is not None:
-                x = at[:, None] + step * min(one.radius, other.radius) * BESIDE
+                x = at[:, None] + step * min(one.radius, other.radius) * NEIGHBOUR_OFFSETS
         return value, at
 
     def _spare(self, x: Array) -> Array:
@@ -294,7 +295,8 @@ class ContactSetSearch:
         self.proposers: list[Proposer] = [self.collision]
         if len(chosen) == len(task.links):
             self.proposers.insert(0, BalanceProposer(balance, self.contacts, motors))
-        # of each box the side that is halved, `CONTACTS`, or the number of a proposer and its claim; None if it is open
+        # of each box the side that is halved, `NO_CONTACT_ENTRY`, or the number of a proposer and its claim; None if it
+        # is open
         self.entries: list[int | tuple[int, int] | None] = [None] * CHARTS
         self.roots, self.halves = list(range(CHARTS)), dict[int, tuple[int, int]]()
         self.open = [OpenBox(k, self.contacts.root, k, 1 / CHARTS) for k in range(CHARTS)]
@@ -310,7 +312,7 @@ class ContactSetSearch:
     @property
     def over(self) -> bool:
         """Is there nothing left to do?"""
-        return self.stuck is not None or not self.open or len(self.entries) > MOST
+        return self.stuck is not None or not self.open or len(self.entries) > MAX_SET_BOXES
 
     @property
     def discarded(self) -> float:
@@ -329,7 +331,7 @@ class ContactSetSearch:
                 pairs[link, body] += count
             else:
                 forces[int(moved[claim])] += count
-        counts = DiscardCounts(self.entries.count(CONTACTS), forces[0], forces[1], pairs)
+        counts = DiscardCounts(self.entries.count(NO_CONTACT_ENTRY), forces[0], forces[1], pairs)
         return counts.words(self.contacts.task, self.collision.solids)
 
     @property
@@ -358,7 +360,7 @@ class ContactSetSearch:
     def step(self) -> None:
         """Discard or halve the boxes that came last."""
         with deferred_interrupt(), np.errstate(all="ignore"):
-            taken, self.open = self.open[-BATCH:], self.open[:-BATCH]
+            taken, self.open = self.open[-DISCARD_BATCH:], self.open[:-DISCARD_BATCH]
             self.boxes += len(taken)
             none = (NO_CLAIM,) * len(self.proposers)
             tried = np.array([self.tried.pop(at.index, none) for at in taken])
@@ -368,7 +370,7 @@ class ContactSetSearch:
             nothing = np.flatnonzero(alive & ~(reach > 0).any(axis=1))
             reach[nothing] = self.collision.moves(boxes.some(nothing))
             reach = np.fmax(reach, self._by_conditions(boxes, changes))
-            small = np.flatnonzero(alive & (claimed < 0) & (reach.max(axis=1) < FINEST))
+            small = np.flatnonzero(alive & (claimed < 0) & (reach.max(axis=1) < MIN_BOX_MOTION))
             if len(small):
                 first = int(small[0])
                 self.stuck = replace(taken[first], box=kept[first])
@@ -377,7 +379,7 @@ class ContactSetSearch:
             for n, (at, k) in enumerate(zip(taken, sides, strict=True)):
                 by = int(claimed[n])
                 if not alive[n] or by >= 0:
-                    self.entries[at.index] = (by, int(tried[n, by])) if alive[n] else CONTACTS
+                    self.entries[at.index] = (by, int(tried[n, by])) if alive[n] else NO_CONTACT_ENTRY
                     continue
                 low = len(self.entries)
                 self.entries[at.index], self.halves[at.index] = k, (low, low + 1)
@@ -564,7 +566,7 @@ class JoinedSearch:
         most = boxes + sum(part.boxes for part in self.sets)
         while not self.over and sum(part.boxes for part in self.sets) < most and time.monotonic() < end:
             going_on = [part for part in self.sets if not part.over]
-            min(going_on, key=lambda part: part.boxes * (1 + LEAST - part.discarded)).step()
+            min(going_on, key=lambda part: part.boxes * (1 + MIN_TURN_SHARE - part.discarded)).step()
 
     def to_json(self) -> list[dict[str, Any]]:
         """The trees of the sets that are searched on."""

@@ -20,24 +20,28 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.planning.filters.balance import circumscribed, least_load_factor, load_factor
 from handfast.planning.no_balance import (
-    BATCH,
-    FINEST,
-    LOOKS,
+    BALANCE_BATCH,
+    MIN_BOX_SIDE,
     NO_MOTION,
+    RANDOM_PLACEMENTS,
     BoxNode,
     Corners,
     NoBalance,
 )
 from handfast.proofs.fields import Integers
-from handfast.proofs.unbalanced import MANY, Motions, halves
+from handfast.proofs.unbalanced import MAX_TREE_ENTRIES, Motions, halves
 from handfast.stability.answers.answer import finite
 
-ROUNDING = 1 + 1e-9  # on the bound, over that of the leaves' factors
-EDGES = 16  # of the pyramids about the friction cones
+BOUND_ROUNDING = 1 + 1e-9  # on the bound, over that of the leaves' factors
+BOUND_EDGES = 16  # of the pyramids about the friction cones
 SOFT_EDGES = 8  # of those of soft fingers, on each of three circles
 CLIMBED = 4  # placements of a step, near the best that was met
-LONGEST, SHORTEST, SHORTER = 0.3, 0.01, 0.9  # share of the whole, of the steps to these; after one that was not better
-CLOSE = 1e-3  # relative: a bound that is so near to what was reached is not improved
+MAX_BOUND_STEP, MIN_BOUND_STEP, SHORTER = (
+    0.3,
+    0.01,
+    0.9,
+)  # share of the whole, of the steps to these; after one that was not better
+BOUND_TOLERANCE = 1e-3  # relative: a bound that is so near to what was reached is not improved
 
 
 @dataclass(frozen=True)
@@ -90,20 +94,24 @@ class LoadBound(NoBalance):
         if not self.placements.limited.any():
             raise InputError("is not there; without a limit forces hold any multiple of a load", field="force_limit")
         self.numbers, self.looked, self.random = itertools.count(), True, np.random.default_rng(self.seed)
-        self.reached, self.at, self.length = 0.0, self.placements.root.mean(axis=1), LONGEST
+        self.reached, self.at, self.length = 0.0, self.placements.root.mean(axis=1), MAX_BOUND_STEP
         self.heap: list[tuple[float, int, Leaf]] = []
         nodes = [node for node in self._nodes() if not node.halves]
         self._add(nodes, np.zeros((len(nodes), len(self.hits))), new=saved is None)
-        self._climb(LOOKS)
+        self._climb(RANDOM_PLACEMENTS)
 
     @property
     def factor(self) -> float:
         """No placement holds the loads so many times; inf while nothing is shown."""
-        return -self.heap[0][0] * ROUNDING
+        return -self.heap[0][0] * BOUND_ROUNDING
 
     @property
     def over(self) -> bool:
-        return self.stuck or self.factor <= self.reached * (1 + CLOSE) or 2 * self.boxes > MANY - 4 * BATCH
+        return (
+            self.stuck
+            or self.factor <= self.reached * (1 + BOUND_TOLERANCE)
+            or 2 * self.boxes > MAX_TREE_ENTRIES - 4 * BALANCE_BATCH
+        )
 
     @property
     def bound(self) -> BoundSearched:
@@ -133,8 +141,8 @@ class LoadBound(NoBalance):
 
     def _step(self) -> None:
         """Halve the leaves with the largest factors."""
-        some = [heapq.heappop(self.heap)[2] for _ in range(min(BATCH, len(self.heap)))]
-        self.stuck = any((np.ptp(leaf.node.box, axis=1) <= FINEST * self.whole).all() for leaf in some)
+        some = [heapq.heappop(self.heap)[2] for _ in range(min(BALANCE_BATCH, len(self.heap)))]
+        self.stuck = any((np.ptp(leaf.node.box, axis=1) <= MIN_BOX_SIDE * self.whole).all() for leaf in some)
         new: list[BoxNode] = []
         for leaf in some:
             node, k = leaf.node, leaf.halved
@@ -155,9 +163,9 @@ class LoadBound(NoBalance):
             asked = points[0], normals[0], p.friction, p.force_limits, p.loads
             factor = least_load_factor(*asked, least=self.reached, torsion=p.torsion)
             if factor > self.reached:
-                self.reached, self.at, self.length = factor, at, min(2 * self.length, LONGEST)
+                self.reached, self.at, self.length = factor, at, min(2 * self.length, MAX_BOUND_STEP)
             else:
-                self.length = max(SHORTER * self.length, SHORTEST)
+                self.length = max(SHORTER * self.length, MIN_BOUND_STEP)
 
     def _add(self, nodes: list[BoxNode], guesses: Array, *, new: bool = True) -> None:
         """Leaves with the best twist of each: that of what they are half of, one about a line, or the dual one.
@@ -184,7 +192,7 @@ class LoadBound(NoBalance):
 
     def _duals(self, corners: Corners, guesses: Array) -> Integers:
         """The constant twist with the least factor over middles and corners, of the load with the least guess."""
-        placed, edges = self.placements, EDGES if not self.placements.torsion else SOFT_EDGES
+        placed, edges = self.placements, BOUND_EDGES if not self.placements.torsion else SOFT_EDGES
         limits, loads = placed.force_limits, placed.loads
         wide = circumscribed(edges, soft=placed.torsion > 0)  # pyramids that hold the cones
         friction, torsion = wide * placed.friction, wide * placed.torsion

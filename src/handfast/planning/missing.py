@@ -13,10 +13,10 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.proofs.discarded_boxes import Balance, Boxes, Collision
-from handfast.proofs.posed_boxes import OBJECT, ContactBoxes, mean_value
+from handfast.proofs.posed_boxes import OBJECT_LINK, ContactBoxes, mean_value
 from handfast.proofs.unbalanced import BoxBounds, nearness
 
-SIZE = 0.02  # [m] by which angles are compared with lengths
+ANGLE_LENGTH = 0.02  # [m] by which angles are compared with lengths
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Missing:
         reason: `contacts`, `balance`, `slips` or `collision`.
         about: of a collision the link and what it is in; else empty.
         missing: by how much it is missed. Of a collision, by which the link would have to be deeper, and of contacts,
-            by which they would have to miss what is asked [m], directions times `SIZE`; else a share of the work that
-            the load could do at most on the twist that was tried, or of a contact's motion.
+            by which they would have to miss what is asked [m], directions times `ANGLE_LENGTH`; else a share of the
+            work that the load could do at most on the twist that was tried, or of a contact's motion.
         near: 1 would discard the box, 0 does not even hold in its middle; between, the share of its sides to which it
             has to shrink, to first order.
     """
@@ -78,7 +78,7 @@ def of_balance(found: Balance, boxes: Boxes, claim: int) -> Missing | None:
 def of_collision(found: Collision, boxes: Boxes, claim: int, links: Sequence[str]) -> Missing | None:
     """Of a point of a link in another solid, in one box."""
     link, _, body, _ = found.which[claim].tolist()
-    about = links[link], "the object" if body == OBJECT else links[body]
+    about = links[link], "the object" if body == OBJECT_LINK else links[body]
     return Missing.of("collision", about, found.examined(boxes, np.array([claim])))
 
 
@@ -96,5 +96,6 @@ def of_contacts(contacts: ContactBoxes, boxes: Boxes) -> Missing | None:
 
 
 def units(contacts: ContactBoxes) -> Array:
-    """(C,) [m] by which what is missed of each condition counts: places as they are, directions times `SIZE`."""
-    return np.where(np.arange(len(contacts.low)) < 3 * (len(contacts.task.links) - 1), 1.0, SIZE)
+    """(C,) [m] by which what is missed of each condition counts: places as they are, directions times
+    `ANGLE_LENGTH`."""
+    return np.where(np.arange(len(contacts.low)) < 3 * (len(contacts.task.links) - 1), 1.0, ANGLE_LENGTH)

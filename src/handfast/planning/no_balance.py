@@ -25,28 +25,32 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.filters.balance import BALANCED, circumscribed, imbalance, pyramid_wrenches
+from handfast.planning.filters.balance import BALANCE_SHARE, circumscribed, imbalance, pyramid_wrenches
 from handfast.planning.missing import Missing
 from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.few_contacts import Held
 from handfast.proofs.fields import BadFile, Fields, Integers
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import read_task
-from handfast.proofs.unbalanced import MANY, Motions, Placements, UnbalancedTree, halves
+from handfast.proofs.unbalanced import MAX_TREE_ENTRIES, Motions, Placements, UnbalancedTree, halves
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import Task
 
-BATCH = 64  # boxes that are examined together
-FINEST = 1e-7  # of the whole: a box with no longer side is not halved
-LOOKS = 24  # placements, drawn at random, of which one at which all loads balance ends the search before it begins
-ROUNDS, STEPS, LONGEST = 12, 8, 0.3  # of steps from the best of them; share of the whole
-LOOKED_AT = 2  # of the boxes of a step that are halved, in whose middles all loads may balance
+BALANCE_BATCH = 64  # boxes that are examined together
+MIN_BOX_SIDE = 1e-7  # of the whole: a box with no longer side is not halved
+RANDOM_PLACEMENTS = (
+    24  # placements, drawn at random, of which one at which all loads balance ends the search before it begins
+)
+PLACEMENT_ROUNDS, PLACEMENT_STEPS, MAX_PLACEMENT_STEP = 12, 8, 0.3  # of steps from the best of them; share of the whole
+TRIED_MIDDLES = 2  # of the boxes of a step that are halved, in whose middles all loads may balance
 HEAVY = 20.0  # length of the load's wrench beside those of contact forces: it is the same in the whole box
 TIED = 30.0  # weight of the sum of a contact's shares, which is 1, beside a load of length 1
-NOTHING = 1e-7  # a shortest vector below this is none
-TINY = 1e-300
-CORNERS = np.array([[0.5, 0.5], [0, 0], [0, 1], [1, 0], [1, 1]])  # of a contact's parameters in a box, the middle first
+MIN_VECTOR = 1e-7  # a shortest vector below this is none
+MIN_DIVISOR = 1e-300
+BOX_CORNERS = np.array(
+    [[0.5, 0.5], [0, 0], [0, 1], [1, 0], [1, 1]]
+)  # of a contact's parameters in a box, the middle first
 NO_MOTION = -1
 
 
@@ -112,7 +116,7 @@ class Corners:
     def of(cls, boxes: Array, placements: Placements) -> Corners:
         """Of boxes (N, 2 K, 2)."""
         low, high = np.moveaxis(boxes, 2, 0)
-        at = low[:, None] + (high - low)[:, None] * np.tile(CORNERS, placements.count)
+        at = low[:, None] + (high - low)[:, None] * np.tile(BOX_CORNERS, placements.count)
         return cls(*(a.reshape(*at.shape[:2], -1, 3) for a in placements.at(at.reshape(-1, at.shape[2]))))
 
     @property
@@ -178,7 +182,12 @@ class NoBalance:
     @property
     def over(self) -> bool:
         """Is there nothing left to do?"""
-        return self.stuck or self.balanced is not None or not self.open or 2 * self.boxes > MANY - 4 * BATCH
+        return (
+            self.stuck
+            or self.balanced is not None
+            or not self.open
+            or 2 * self.boxes > MAX_TREE_ENTRIES - 4 * BALANCE_BATCH
+        )
 
     @property
     def searched(self) -> BalanceSearched:
@@ -221,13 +230,13 @@ class NoBalance:
     def _look(self) -> None:
         """Placements anywhere, the best of them moved about, for one at which all loads balance."""
         random, (low, high) = np.random.default_rng(self.seed), self.placements.root.T
-        at = low + (high - low) * random.random((LOOKS, len(low)))
+        at = low + (high - low) * random.random((RANDOM_PLACEMENTS, len(low)))
         missing = self._missing(at)
-        best, least, length = at[missing.argmin()], missing.min(), LONGEST
-        for _ in range(ROUNDS):
+        best, least, length = at[missing.argmin()], missing.min(), MAX_PLACEMENT_STEP
+        for _ in range(PLACEMENT_ROUNDS):
             if not least:
                 break
-            at = np.clip(best + length * (high - low) * random.normal(size=(STEPS, len(low))), low, high)
+            at = np.clip(best + length * (high - low) * random.normal(size=(PLACEMENT_STEPS, len(low))), low, high)
             missing = self._missing(at)
             if missing.min() < least:
                 best, least = at[missing.argmin()], missing.min()
@@ -244,7 +253,7 @@ class NoBalance:
                 short = [
                     np.linalg.norm(self._separating(wrenches, w, p.mean(axis=0), 1.0)) for w in self.placements.loads
                 ]
-                out[n] = sum(x for x in short if x > BALANCED)
+                out[n] = sum(x for x in short if x > BALANCE_SHARE)
             else:
                 grasp = Grasp([Contact(*there, mu, torsion=torsion) for there in zip(p, normals, strict=True)])
                 out[n] = imbalance(grasp, self.placements.loads).sum()
@@ -257,13 +266,13 @@ class NoBalance:
 
     def _step(self) -> None:
         """Refute or halve the first boxes that are open."""
-        taken = [self.open[k] for k in range(min(BATCH, len(self.open)))]
+        taken = [self.open[k] for k in range(min(BALANCE_BATCH, len(self.open)))]
         boxes = np.array([node.box for node in taken])
         closed, tried, effect = self.examined(boxes, np.array([node.tried for node in taken]))
-        left = boxes[closed == NO_MOTION][:LOOKED_AT]
+        left = boxes[closed == NO_MOTION][:TRIED_MIDDLES]
         if len(left):
             self._missing(left.mean(axis=2))
-        fine = (np.ptp(boxes, axis=2) <= FINEST * self.whole).all(axis=1)
+        fine = (np.ptp(boxes, axis=2) <= MIN_BOX_SIDE * self.whole).all(axis=1)
         self.stuck = bool((fine & (closed == NO_MOTION)).any())
         if self.stuck:
             return
@@ -310,7 +319,7 @@ class NoBalance:
         Torsion of soft fingers resists it, without a limit where their forces have none.
         """
         points, normals = corners.points[its, 0], corners.normals[its, 0]  # (N, K, 3)
-        best, chosen = np.full(len(its), NOTHING), np.full((len(its), 2), NO_MOTION)
+        best, chosen = np.full(len(its), MIN_VECTOR), np.full((len(its), 2), NO_MOTION)
         weights = np.zeros((len(its), len(self.hits)))
         force, torque = self.placements.loads[:, :3], self.placements.loads[:, 3:]
         most = np.linalg.norm(force, axis=1) * corners.size[its, None] + np.linalg.norm(torque, axis=1)
@@ -323,16 +332,18 @@ class NoBalance:
                     continue
                 spun = np.abs(turn[:, None] @ normals[:, [i, j]].swapaxes(1, 2))[:, 0]  # (N, 2)
                 work = work - self.placements.torsion * (spun @ self.placements.force_limits[[i, j]])[:, None]
-            value = work / np.maximum(np.linalg.norm(turn, axis=1)[:, None] * most, TINY)
+            value = work / np.maximum(np.linalg.norm(turn, axis=1)[:, None] * most, MIN_DIVISOR)
             u = np.cross(turn[:, None], points - a[:, None])
-            cones = (normals * u).sum(axis=2) / np.maximum(np.linalg.norm(u, axis=2), TINY) - self.placements.sine
+            cones = (normals * u).sum(axis=2) / np.maximum(
+                np.linalg.norm(u, axis=2), MIN_DIVISOR
+            ) - self.placements.sine
             cones[:, [i, j]] = np.inf
             least = np.minimum(value.max(axis=1), cones.min(axis=1))
             better = least > best
             best[better], chosen[better] = least[better], (i, j)
             weights[better] = np.maximum(value[better], 0.0)
         out, some = np.full(len(its), NO_MOTION), chosen[:, 0] != NO_MOTION
-        shares = (weights / np.maximum(weights.max(axis=1, keepdims=True), TINY)).round(1)
+        shares = (weights / np.maximum(weights.max(axis=1, keepdims=True), MIN_DIVISOR)).round(1)
         kinds, which = np.unique(np.hstack([chosen, shares])[some], axis=0, return_inverse=True)
         numbers = self.add_motions(Motions(kinds[:, 2:], kinds[:, :2].astype(np.int64), np.zeros((len(kinds), 6))))
         out[some] = numbers[which.ravel()]
@@ -348,7 +359,7 @@ class NoBalance:
             contacts = pyramid_wrenches(p, normals, *coefficients, torsion=self.placements.torsion * self.wide)
             for load in order:
                 z = self._separating(contacts, self.placements.loads[load], center, size)
-                if np.linalg.norm(z) > NOTHING:
+                if np.linalg.norm(z) > MIN_VECTOR:
                     twist = np.r_[z[:3] - np.cross(z[3:] / size, center), z[3:] / size]
                     new = Motions(np.eye(len(order))[[load]], np.array([[NO_MOTION] * 2]), twist[None])
                     (out[n],) = self.add_motions(new)
@@ -364,7 +375,7 @@ class NoBalance:
         their cone where forces are not limited.
         """
         own = np.r_[load[:3], (load[3:] - np.cross(center, load[:3])) / size]
-        length = max(float(np.linalg.norm(own)), TINY)
+        length = max(float(np.linalg.norm(own)), MIN_DIVISOR)
         K, M, _ = contacts.shape
         limited, limits = self.placements.limited, self.placements.force_limits
         if not limited.any():

@@ -20,7 +20,7 @@ from handfast.planning.results.plan import Plan
 from handfast.planning.search import Gathering, Journal, fruitless
 from handfast.stability.problem.loads import Loads
 
-PATIENT = 4  # times the starts that as many grasps took as asked for: so long robust ones are looked for
+START_FACTOR = 4  # times the starts that as many grasps took as asked for: so long robust ones are looked for
 
 
 @kinds_checked
@@ -42,9 +42,9 @@ def plan(
     `hold` for the loads is kept, unless it is like one that was kept (see `ranking.difference`). Attempts
     are numbered: the same seed gives the same grasps whatever the number of cores, as far as the time goes.
     Where it is shown that so few contacts as allowed cannot hold, wherever on the surface they are, nothing is tried.
-    Robust grasps are looked for: until there are as many as asked for, or `PATIENT` times the starts were tried that so
-    many of any kind took; fragile ones fill up what is missing then. The best come first: see `ranking.best_first`. A
-    heuristic: what it does not find may exist.
+    Robust grasps are looked for: until there are as many as asked for, or `START_FACTOR` times the starts were tried
+    that so many of any kind took; fragile ones fill up what is missing then. The best come first: see
+    `ranking.best_first`. A heuristic: what it does not find may exist.
 
     Args:
         loads: what each grasp must hold, `options.safety` times; the weight from all six axis directions of the object
@@ -94,7 +94,9 @@ def plan(
         kept = gathered.kept
         if fruitless(gathered.tally, o.give_up) or sum(g.robust for g in kept) >= wanted:
             return True
-        return len(kept) >= wanted and gathered.tally.total >= PATIENT * (sorted(g.index for g in kept)[wanted - 1] + 1)
+        return len(kept) >= wanted and gathered.tally.total >= START_FACTOR * (
+            sorted(g.index for g in kept)[wanted - 1] + 1
+        )
 
     def measure(workers: Workers[Runner]) -> None:
         bare = [(k, g) for k, g in enumerate(gathered.kept) if g.quality is None]

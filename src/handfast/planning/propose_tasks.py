@@ -40,14 +40,17 @@ from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from handfast.synthesis.task_file import save_task
 from handfast.synthesis.task_problem import TaskProblem
 
-TRIES = 24  # certified configurations of a candidate from which the clearest is taken
-WINDOW = 0.03, 0.25  # [m, -] the task's bounds on the object's position and on the components of its axes about that
-CLEAR = -1e-3  # [m] a clearance above this: regions and patches lie this near to the shapes
-SHORT = 16  # sets of places that are looked at closely for each proposal that is asked for
+CONFIGURATION_TRIES = 24  # certified configurations of a candidate from which the clearest is taken
+TASK_POSE_BOUNDS = (
+    0.03,
+    0.25,
+)  # [m, -] the task's bounds on the object's position and on the components of its axes about that
+MIN_CLEARANCE = -1e-3  # [m] a clearance above this: regions and patches lie this near to the shapes
+PROPOSAL_SETS = 16  # sets of places that are looked at closely for each proposal that is asked for
 PER_PROPOSAL = 6  # candidates that are tried for each proposal that is asked for
-NEAR = 0.06, 0.5  # [m, -] such bounds about the pose at which a hand shape came near
+NEAR_POSE_BOUNDS = 0.06, 0.5  # [m, -] such bounds about the pose at which a hand shape came near
 BALANCE_BOXES = 192  # of placements, in which it is looked whether no forces balance the loads
-ENOUGH = -3e-4  # [m] a clearance above this is not improved upon
+ENOUGH_CLEARANCE = -3e-4  # [m] a clearance above this is not improved upon
 
 OnStep = Callable[[str], None]
 
@@ -110,7 +113,7 @@ class Proposal:
     @property
     def clear(self) -> bool:
         """Does the configuration cut into nothing, up to the error of the regions?"""
-        return self.clearance > CLEAR
+        return self.clearance > MIN_CLEARANCE
 
     def to_json(self) -> dict[str, Any]:
         measured = ("score", "margin", "off_centre", "clearance", "error")
@@ -201,7 +204,7 @@ def propose(
     regions, count = regions or regions_of(hand), o.count
     trial = _Trial(hand, body, o)
     candidates, tally = find_candidates(
-        trial.look, regions, body, kind, trial.friction, seed=o.seed, short=SHORT * count
+        trial.look, regions, body, kind, trial.friction, seed=o.seed, short=PROPOSAL_SETS * count
     )
     most = PER_PROPOSAL * count
     for n, candidate in enumerate(candidates):
@@ -275,15 +278,15 @@ class _Trial:
         """
         links = [t.link for t in task.contact_pairs]
         best: tuple[float, Task] | None = None
-        for asked in (_bounded(task, pose, NEAR, {}), task):
+        for asked in (_bounded(task, pose, NEAR_POSE_BOUNDS, {}), task):
             problem = TaskProblem.of(asked)
-            for c in Starts(problem, self.options.seed).run(TRIES):
+            for c in Starts(problem, self.options.seed).run(CONFIGURATION_TRIES):
                 solution = Solution.of(asked, c.existence(problem))
                 for values in postures(self.hand, links):
                     clearance = self.look.clearance(placed(self.hand, solution.q, values), solution.pose)
                     if best is None or clearance > best[0] + 1e-5:
-                        best = clearance, _bounded(task, solution.pose, WINDOW, values)
-                if best and best[0] > ENOUGH:
+                        best = clearance, _bounded(task, solution.pose, TASK_POSE_BOUNDS, values)
+                if best and best[0] > ENOUGH_CLEARANCE:
                     return best[1]
         return best[1] if best else task
 

@@ -13,7 +13,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.anatomy import Anatomy
 from handfast.model.hand.hand import Hand
-from handfast.model.mesh_pieces import LONG
+from handfast.model.mesh_pieces import MAX_BODY_LENGTH
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling
 from handfast.planning.filters.surroundings import Surroundings
 from handfast.planning.search import GIVE_UP
@@ -313,7 +313,7 @@ def compared_size(hand: Hand, its: float, name: str, scale: float) -> str:
         return ""
     smaller = "a mesh in millimetres needs --scale 0.001, one in inches --scale 0.0254"
     larger = "its mesh may be in metres already: --scale 1"
-    if own > LONG:
+    if own > MAX_BODY_LENGTH:
         larger = "the hand's file may be in millimetres, and lengths of URDF and MJCF are in metres"
     elif scale == 1:
         larger = "its mesh may be in other units: --scale METRES says how long one is"

@@ -9,7 +9,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.planning.evaluation.attempt import PlannedGrasp
 
-BETTER = {"command": -1, "friction_margin": 1, "clearance": 1, "from_limits": 1, "manipulability": 1}
+RANKING_SENSES = {"command": -1, "friction_margin": 1, "clearance": 1, "from_limits": 1, "manipulability": 1}
 
 
 def rank(terms: Sequence[Mapping[str, float]]) -> list[float]:
@@ -22,7 +22,7 @@ def rank(terms: Sequence[Mapping[str, float]]) -> list[float]:
     if len(terms) < 2:
         return [1.0] * len(terms)
     shares = []
-    for name, sense in BETTER.items():
+    for name, sense in RANKING_SENSES.items():
         x = sense * np.array([t[name] for t in terms])
         worse = (x[None] < x[:, None]).sum(axis=1)
         better = (x[None] > x[:, None]).sum(axis=1)
@@ -45,10 +45,10 @@ def best_first(grasps: Sequence[PlannedGrasp]) -> list[PlannedGrasp]:
 # --- alike or different ------------------------------------------------------------------------------
 
 SHIFT = 0.010  # [m] of the palm
-TURN = np.radians(15)  # [rad] of the palm
+PALM_TURN = np.radians(15)  # [rad] of the palm
 BEND = 0.15  # [rad] of a joint; of a prismatic one 0.015 m
-SLIDE = 0.1  # [m] of a prismatic joint counts like 1 rad
-POINT = 0.010  # [m] between a contact and the nearest of the other grasp
+SLIDE_LENGTH = 0.1  # [m] of a prismatic joint counts like 1 rad
+CONTACT_SHIFT = 0.010  # [m] between a contact and the nearest of the other grasp
 
 
 def difference(a: PlannedGrasp, b: PlannedGrasp, prismatic: Array | None = None) -> float:
@@ -64,12 +64,12 @@ def difference(a: PlannedGrasp, b: PlannedGrasp, prismatic: Array | None = None)
     one, other = np.linalg.inv(a.pose), np.linalg.inv(b.pose)  # the palm in the object's frame
     shift = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
     cosine = (np.trace(one[:3, :3].T @ other[:3, :3]) - 1) / 2
-    bend = np.abs(a.q - b.q) / (1.0 if prismatic is None else np.where(prismatic, SLIDE, 1.0))
+    bend = np.abs(a.q - b.q) / (1.0 if prismatic is None else np.where(prismatic, SLIDE_LENGTH, 1.0))
     p, s = (g.grasp.positions for g in (a, b))
     apart = np.linalg.norm(p[:, None] - s[None], axis=2)
     points = float(max(apart.min(axis=0).max(), apart.min(axis=1).max()))
     turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return max(shift / SHIFT, turn / TURN, float(bend.max(initial=0.0)) / BEND, points / POINT)
+    return max(shift / SHIFT, turn / PALM_TURN, float(bend.max(initial=0.0)) / BEND, points / CONTACT_SHIFT)
 
 
 def most_different(grasps: Sequence[PlannedGrasp], count: int, prismatic: Array | None = None) -> list[PlannedGrasp]:

@@ -164,7 +164,7 @@ class Tally:
 GIVE_UP = 1000  # starts of which none came through the filters
 ALL_ALIKE = 0.3  # of these are enough where one reason rejected all of them
 COMMON = 0.3  # of the starts: a reason that rejects so many is worth advice
-USUAL = 0.5  # of the overlaps: a pair that makes so many may overlap in the model alone
+USUAL_OVERLAPS = 0.5  # of the overlaps: a pair that makes so many may overlap in the model alone
 
 FILTERED = (
     RejectionReason.PAST,
@@ -213,7 +213,7 @@ def diagnosis(tally: Tally, hand: Hand) -> list[str]:
         overlaps = tally.rejected[reason].overlaps
         pairs = [p for p in overlaps if all(name in hand.link_names for name in p)]
         a, b = max(pairs, key=lambda p: overlaps[p][0], default=("", ""))
-        if pairs and overlaps[a, b][0] > USUAL * tally[reason]:
+        if pairs and overlaps[a, b][0] > USUAL_OVERLAPS * tally[reason]:
             number, depth = overlaps[a, b]
             out.append(
                 f"{a} and {b} overlap in {number} of {tally.total} starts, by up to {1e3 * depth:.1f} mm: "

@@ -22,10 +22,10 @@ from handfast.proofs.motors import Motors
 from handfast.proofs.posed_boxes import ContactBoxes
 from handfast.proofs.unbalanced import Motions, Placements
 
-EDGES = 8  # of each friction cone, to begin with
-ROUNDS = 8  # in which forces and corners of the box are added
-CLOSE = 1e-3  # relative: a margin that falls by less is not worked on
-LEAST = 1e-7  # margin, relative to the load: below it there is none
+FIRST_CONE_EDGES = 8  # of each friction cone, to begin with
+MOTION_ROUNDS = 8  # in which forces and corners of the box are added
+MARGIN_TOLERANCE = 1e-3  # relative: a margin that falls by less is not worked on
+MIN_MARGIN = 1e-7  # margin, relative to the load: below it there is none
 NO_LINE = -1
 
 
@@ -72,9 +72,11 @@ class VirtualMotions:
         low, high = self._senses(boxes)
         order, loads = np.argsort(-hits, kind="stable"), self.placements.loads
         weights, twists, joints, which = [], [], [], []
-        first = self._edges(np.tile(rim(EDGES, soft=self.placements.torsion > 0), (self.placements.count, 1, 1)))
+        first = self._edges(
+            np.tile(rim(FIRST_CONE_EDGES, soft=self.placements.torsion > 0), (self.placements.count, 1, 1))
+        )
         for k in range(N):
-            best, chosen, z = LEAST, -1, np.zeros(0)
+            best, chosen, z = MIN_MARGIN, -1, np.zeros(0)
             rows = [first @ middle[k]]
             for load in order.tolist():
                 found, x = self._program(loads[load], center[k], size[k], rows, low[k], high[k])
@@ -82,15 +84,15 @@ class VirtualMotions:
                     best, chosen, z = found, load, x
             if chosen < 0:
                 continue
-            for _ in range(ROUNDS):
+            for _ in range(MOTION_ROUNDS):
                 edges = np.concatenate([first, self._edges(self._worst(middle[k] @ z)[:, None])], axis=1)
                 change = edges @ slope[k]  # (n, K, M, 6 + L)
                 rows.append(edges @ middle[k] - (np.sign(change @ z)[..., None] * change).sum(axis=0))
                 before = best
                 best, z = self._program(loads[chosen], center[k], size[k], rows, low[k], high[k])
-                if best <= LEAST or best >= before * (1 - CLOSE):
+                if best <= MIN_MARGIN or best >= before * (1 - MARGIN_TOLERANCE):
                     break
-            if best <= LEAST:
+            if best <= MIN_MARGIN:
                 continue
             turn = z[3:6] / size[k]
             twists.append(np.r_[z[:3] - np.cross(turn, center[k]), turn])

@@ -2,7 +2,7 @@
 
 A `handfast/result/1` file holds the question, the answer, the state behind HOLDS (the *witness*) and the proof behind
 SLIPS or a bound (the *certificate*); of a maximum also arcs of states and certificates of smaller magnitudes. Every key
-of the answer is worked out again from these, but for `COURSE`, and none is there that its query does not have.
+of the answer is worked out again from these, but for `COURSE_KEYS`, and none is there that its query does not have.
 
 HOLDS and SLIPS exclude each other: HOLDS is an exact state of the numbers in the file, or, where the answer says so,
 one for a load and joint torques that differ by 1e-9 of the load; SLIPS says that there is neither. A SLIPS up to a
@@ -19,24 +19,24 @@ import numpy as np
 
 from handfast.proofs import checker, ranges
 from handfast.proofs.certificate import Certificate, read_certificate
-from handfast.proofs.existence import NEAR, Proved, prove
-from handfast.proofs.fields import SAME, Array, BadFile, Fields
+from handfast.proofs.existence import FORCE_DEVIATION, Proved, prove
+from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import ContactMode, Problem, State, read_state
-from handfast.proofs.tolerance import FAR, drives, farthest, load_scale, motion_size
+from handfast.proofs.tolerance import COMPLETE_CAP, drives, farthest, load_scale, motion_size
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
-STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
-COURSE = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
-NOT_REPLAYED = f"{', '.join(COURSE)}: the course of the search is recorded, and nothing rests on it"
-ROUNDING = 1e-12  # of residuals: they are made of it
-FARTHER = 2.0  # times an upper bound: up to there at least nothing is resisted
-NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
-LIMIT = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
+SEARCH_STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
+COURSE_KEYS = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
+ANSWER_NOT_REPLAYED = f"{', '.join(COURSE_KEYS)}: the course of the search is recorded, and nothing rests on it"
+RESIDUAL_ROUNDING = 1e-12  # of residuals: they are made of it
+UPPER_BOUND_FACTOR = 2.0  # times an upper bound: up to there at least nothing is resisted
+END_TOLERANCE = 1e-6  # relative: what is so near the end of a search is at it
+LIMIT_CLAIM = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
 OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys beside `holds_from_zero_to`
 
 
@@ -97,7 +97,7 @@ def read_said(f: Fields, queries: Collection[str]) -> Mapping[str, Any]:
     answer = f.take("answer")
     said = Fields(answer, f.at("answer"))
     said.text("schema", among=["handfast/answer/1"])
-    for name, among in (("query", queries), ("verdict", VERDICTS), ("stop", STOPS)):
+    for name, among in (("query", queries), ("verdict", VERDICTS), ("stop", SEARCH_STOPS)):
         said.text(name, among=tuple(among))
     said.number("seconds", least=0.0)
     said.whole("nodes")
@@ -139,8 +139,8 @@ def replay(saved: SavedAnswer) -> Replay:
             _compare(saved, query, proved, cap)
     except Refused as fault:
         reason = f"answer: {fault}"
-    more = (LIMIT,) if saved.said.get("limit") is not None else ()
-    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(*more, NOT_REPLAYED))
+    more = (LIMIT_CLAIM,) if saved.said.get("limit") is not None else ()
+    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(*more, ANSWER_NOT_REPLAYED))
 
 
 def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
@@ -215,8 +215,8 @@ def cap_fault(q: Question, cap: float, magnitude: float, motion: Array | None) -
     most = max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q))
     moved = 0.0 if motion is None else motion_size(q.grasp, motion)
     said = f"it is proved for motions up to {cap:.3g} N only, "
-    if cap < FAR * most:
-        return f"{said}not {FAR:g} times the forces in play, {most:.3g} N"
+    if cap < COMPLETE_CAP * most:
+        return f"{said}not {COMPLETE_CAP:g} times the forces in play, {most:.3g} N"
     return f"{said}and its own witness moves by {moved:.3g} N" if cap < moved else ""
 
 
@@ -227,7 +227,7 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
     shown |= {"certified": saved.certificate is not None, "motion_cap": cap}
     shown |= {"exact": None if proved is None else proved.exact, "motion": None if proved is None else proved.motion}
     shown |= query.shown(saved, proved)
-    compare(said, shown, COURSE)
+    compare(said, shown, COURSE_KEYS)
 
 
 def compare(said: Mapping[str, Any], shown: Mapping[str, Any], course: Collection[str]) -> None:
@@ -239,7 +239,7 @@ def compare(said: Mapping[str, Any], shown: Mapping[str, Any], course: Collectio
         if key not in said:
             raise Refused(f"{key} is missing")
         numbers = _is_number(said[key]) and isinstance(value, float)
-        within = {"residual": ROUNDING, "motion": NEAR * value}.get(key, 0.0) if numbers else 0.0
+        within = {"residual": RESIDUAL_ROUNDING, "motion": FORCE_DEVIATION * value}.get(key, 0.0) if numbers else 0.0
         rounds = numbers and abs(said[key] - value) <= within
         says_less = numbers and key == "motion_cap" and 0 <= said[key] <= value
         if not (rounds or says_less or matches(said[key], value)):
@@ -286,7 +286,7 @@ class Query:
     def shown(self, saved: SavedAnswer, proved: Proved | None) -> dict[str, Any]:
         """What it has to say by key, beside what every answer says."""
         w, g = saved.witness, saved.question.grasp
-        state = NOTHING if w is None or proved is None else described(g, w.state, proved)
+        state = UNPROVED_STATE if w is None or proved is None else described(g, w.state, proved)
         return state | {"margin": None}  # nothing in the file shows a margin
 
 
@@ -315,7 +315,7 @@ class Maximum(Query):
         lower, upper = saved.number("lower") or 0.0, saved.number("upper")
         if upper is None:
             return None
-        end = max(end, FARTHER * upper)
+        end = max(end, UPPER_BOUND_FACTOR * upper)
         if lower > upper:
             raise Refused(f"its lower bound {lower:.9g} is above its upper bound {upper:.9g}")
         slips = saved.said["verdict"] == "slips"
@@ -325,8 +325,8 @@ class Maximum(Query):
                 raise Refused("has an upper bound where magnitudes make no difference")
             return claim, 0.0, (0.0, 0.0)
         if q.homogeneous:  # its scalar is 1 / s
-            return claim, upper, ((1 + NEAR_END) / end, (1 - SAME) / upper if upper > 0 else np.inf)
-        return claim, upper, (upper * (1 + SAME), end * (1 - NEAR_END))
+            return claim, upper, ((1 + END_TOLERANCE) / end, (1 - EQUALITY_TOLERANCE) / upper if upper > 0 else np.inf)
+        return claim, upper, (upper * (1 + EQUALITY_TOLERANCE), end * (1 - END_TOLERANCE))
 
     def _end(self, saved: SavedAnswer) -> float:
         q = saved.question
@@ -347,7 +347,7 @@ class Maximum(Query):
             raise Refused("SLIPS with bounds above 0")
         if unbounded and (upper is not None or verdict != "holds"):
             raise Refused("unbounded, with a bound")
-        if unbounded and not lower >= end * (1 - 2 * NEAR_END):
+        if unbounded and not lower >= end * (1 - 2 * END_TOLERANCE):
             raise Refused(f"unbounded, but shown up to {lower:.6g} only; {end:.6g} is needed")
 
     def smaller(self, saved: SavedAnswer) -> list[Replay]:
@@ -380,7 +380,7 @@ class Maximum(Query):
         out |= {"attained": limit is None, "limit": limit}
         if limit is not None:
             value = limit.get("value") if isinstance(limit, Mapping) else None
-            if not isinstance(value, float) or upper is None or not lower <= value <= upper * (1 + SAME):
+            if not isinstance(value, float) or upper is None or not lower <= value <= upper * (1 + EQUALITY_TOLERANCE):
                 raise Refused("its limit lies outside of its bounds")
         return out
 
@@ -405,7 +405,7 @@ class Torques(Query):
         sizes = np.abs(w.command[~g.backdrivable])
         cost = float(sizes.sum() if q.sums else sizes.max(initial=0.0))
         upper = saved.number("upper")
-        same = upper is not None and abs(upper - cost) <= SAME * cost
+        same = upper is not None and abs(upper - cost) <= EQUALITY_TOLERANCE * cost
         return "" if same else f"its commands cost {cost:.6g}; the answer says {upper}"
 
     def refuted(self, saved: SavedAnswer) -> Refuted | None:
@@ -439,7 +439,7 @@ QUERIES: dict[str, Query] = {"check": Query(), "max": Maximum(), "torques": Torq
 # --- parts of them --------------------------------------------------------------------------------
 
 
-WORDS = {  # of contacts
+CONTACT_WORDS = {  # of contacts
     ContactMode.OPEN: "open",
     ContactMode.TOUCHES: "open",
     ContactMode.STICKS: "stick",
@@ -447,13 +447,15 @@ WORDS = {  # of contacts
     ContactMode.RUBS: "slide",
     ContactMode.LEANS: "slide",
 }
-NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"))
+UNPROVED_STATE = dict.fromkeys(
+    ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
+)
 
 
 def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
-    """What `check` says of a state by key; `NOTHING` of one that is not proved."""
+    """What `check` says of a state by key; `UNPROVED_STATE` of one that is not proved."""
     if not (proved.exact or proved.tolerant):
-        return dict(NOTHING)
+        return dict(UNPROVED_STATE)
     motions = g.rows[0] @ x.motion
     assert proved.modes is not None
     states = [ContactMode(k) for k in proved.modes.contact]
@@ -466,7 +468,7 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
             "normal_force": float(c[i, 0]),
             "friction_force": float(np.linalg.norm(c[i, 1:])),
             "motion": (g.frames[i] @ d[i]).tolist(),
-            "state": WORDS[states[i]],
+            "state": CONTACT_WORDS[states[i]],
         }
         | ({"torsion": float(x.torsion[i])} if g.lever[i] > 0 else {})
         for i in range(g.m)
@@ -549,17 +551,18 @@ def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
 
 def close(a: Array, b: Array) -> bool:
     """The same numbers but for rounding."""
-    return bool(np.abs(a - b).max(initial=0.0) <= SAME * np.abs(b).max(initial=0.0))
+    return bool(np.abs(a - b).max(initial=0.0) <= EQUALITY_TOLERANCE * np.abs(b).max(initial=0.0))
 
 
 def matches(said: Any, shown: Any) -> bool:
-    """The same JSON; numbers within `SAME` of the largest under the same key, of each list of objects key by key."""
+    """The same JSON; numbers within `EQUALITY_TOLERANCE` of the largest under the same key, of each list of objects key
+    by key."""
     if isinstance(shown, list) and shown and isinstance(shown[0], dict):
         if not isinstance(said, list) or [_keys(x) for x in said] != [_keys(x) for x in shown]:
             return False
         every = set().union(*shown)  # some contacts have a torsion, others none
         return all(matches(*([x[key] for x in there if key in x] for there in (said, shown))) for key in every)
-    return _alike(said, shown, SAME * _largest(shown))
+    return _alike(said, shown, EQUALITY_TOLERANCE * _largest(shown))
 
 
 def _keys(x: Any) -> set[str] | None:

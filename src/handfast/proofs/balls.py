@@ -10,8 +10,8 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from handfast.proofs.fields import Array
-from handfast.proofs.newton import BITS, ROUNDS, Box, System
-from handfast.proofs.states import ULP, Numbers
+from handfast.proofs.newton import BITS, NEWTON_ROUNDS, Box, System
+from handfast.proofs.states import UNIT_ROUNDOFF, Numbers
 
 number: Numbers = np.frompyfunc(arb, 1, 1)
 middle: Numbers = np.frompyfunc(arb.mid, 1, 1)
@@ -73,7 +73,7 @@ class Balls:
             near = self._nearer(C)
             if near is not None:
                 return near
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_ROUNDS):
             *_, K, value = self.at(x)
             step = (self.derivative(K) * arb_mat(C.tolist())).solve(arb_mat(value[:, None].tolist()))
             x = middle(x - C @ np.array(step.entries(), dtype=object))
@@ -82,7 +82,7 @@ class Balls:
     def _nearer(self, C: Array) -> Array | None:
         """Unknowns after steps with one inverse C of the derivative; None where one of them brings little."""
         x, before = self.start, np.inf
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_ROUNDS):
             *_, value = self.at(x)
             missed = float((most(value) * self.s.units).max())
             if not missed <= FAST * before:
@@ -98,7 +98,7 @@ class Balls:
         d, phi, *_ = self.at(x)
         rows, motion, (mid, off), forces = s.of_modes.rows, _floats(x[: len(s.v)]), _floats(d), _floats(phi)
         (shift,), (shift_off,) = _floats(x[-1:]) if s.sought else _floats(number([s.p.magnitude]))
-        mid, off = np.where(rows.held, rows.at, mid), np.where(rows.held, 2 * ULP * np.abs(rows.at), off)
+        mid, off = np.where(rows.held, rows.at, mid), np.where(rows.held, 2 * UNIT_ROUNDOFF * np.abs(rows.at), off)
         return Box(*motion, mid, off, *forces, shift, shift_off)
 
     def _contained(self, x: Array) -> Array:
@@ -108,7 +108,7 @@ class Balls:
         wide = self._kept(x, C, missed, 1)
         with suppress(ZeroDivisionError):
             if wide is None:
-                wide = self._kept(x, (C * (self.derivative(K) * C).inv()).mid(), missed, ROUNDS)
+                wide = self._kept(x, (C * (self.derivative(K) * C).inv()).mid(), missed, NEWTON_ROUNDS)
         if wide is None:
             raise self.s.fails(False)
         return wide
@@ -133,11 +133,11 @@ class Balls:
 def most(x: Any) -> Array:
     """At least |x| of balls, as floats; inf where nothing is known."""
     known = [float(y.abs_upper()) if y.is_finite() else np.inf for y in x.ravel()]
-    return np.array(known).reshape(x.shape) * (1 + 4 * ULP)
+    return np.array(known).reshape(x.shape) * (1 + 4 * UNIT_ROUNDOFF)
 
 
 def _floats(values: Any) -> tuple[Array, Array]:
     """Middles and radii."""
     mid = np.array([float(x.mid()) for x in values])
     off = np.array([float(x.rad()) for x in values])
-    return mid, off * (1 + 4 * ULP) + 2 * ULP * np.abs(mid)
+    return mid, off * (1 + 4 * UNIT_ROUNDOFF) + 2 * UNIT_ROUNDOFF * np.abs(mid)

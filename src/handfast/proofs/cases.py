@@ -18,14 +18,14 @@ from itertools import pairwise
 import numpy as np
 
 from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.kinds import TURN, ActuatorState, ContactState
+from handfast.proofs.kinds import TURN_DIRECTIONS, ActuatorState, ContactState
 from handfast.proofs.question import Question
 
-HALF = TURN // 2  # a sector is narrower than this
+HALF_TURN = TURN_DIRECTIONS // 2  # a sector is narrower than this
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
 FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = ActuatorState
 DECIDED = "it is decided already, or cannot move"
-FIRST, LAST = 8, 2**31 - 1  # numbers of patches
+MIN_PATCH, MAX_PATCH = 8, 2**31 - 1  # numbers of patches
 OCTANTS = range(8, 16)
 
 
@@ -56,8 +56,8 @@ class SlidingPatch:
 
 @lru_cache(maxsize=1 << 16)
 def patch(number: int) -> SlidingPatch:
-    """The patch with a number from `FIRST` to `LAST`; others raise `ValueError`."""
-    if not FIRST <= number <= LAST:
+    """The patch with a number from `MIN_PATCH` to `MAX_PATCH`; others raise `ValueError`."""
+    if not MIN_PATCH <= number <= MAX_PATCH:
         raise ValueError(f"{number} is no patch")
     if number in OCTANTS:
         signs = [-1.0 if number >> k & 1 else 1.0 for k in range(3)]
@@ -78,7 +78,7 @@ def patch(number: int) -> SlidingPatch:
 
 def contains(outer: Integers, inner: Integers) -> Mask:
     """(n,) is each patch `outer` one of which `inner` was made, or itself? False for what is no patch."""
-    some = (outer >= FIRST) & (outer <= LAST) & (inner >= outer) & (inner <= LAST)
+    some = (outer >= MIN_PATCH) & (outer <= MAX_PATCH) & (inner >= outer) & (inner <= MAX_PATCH)
     depth = np.floor(np.log2(np.where(some, inner, 1))) - np.floor(np.log2(np.where(some, outer, 1)))
     return np.asarray(some & (inner >> depth.astype(np.int64) == outer))
 
@@ -197,7 +197,7 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
     np.bitwise_or.at(distinct, of[patches], 1 << place[patches])
     stuck = (new == STICK) & plain
     octants = (children == 9) & (distinct == 255) & (count(stuck) == 1)
-    halves = (children == 2) & (distinct == 3) & (2 * left + 1 <= LAST)
+    halves = (children == 2) & (distinct == 3) & (2 * left + 1 <= MAX_PATCH)
     refuse(whole & ~octants, f"needs STICK and the patches {OCTANTS[0]} to {OCTANTS[-1]}")
     refuse(sliding & ~whole & ~(half & halves), "needs the two halves of its patch")
 
@@ -210,7 +210,7 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
     entire = plain | ((a == left[of]) & (b == right[of]))
     refuse(sticks & ~((count(is_stuck) == 1) & (count(is_stuck & entire) == 1)), "needs STICK and sectors")
     sector = closing[of] & ~is_stuck
-    widest = np.where(all_closed, HALF, HALF - 1)[of]
+    widest = np.where(all_closed, HALF_TURN, HALF_TURN - 1)[of]
     good = (new == kind[of]) & (a < b) & (b <= a + widest)
     refuse(count(sector & ~good) > 0, "a child is no sector, or not of the right state")
     refuse(closing & (count(sector) == 0), "needs sectors")
@@ -223,5 +223,5 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
     if len(chosen):
         low[of[chosen][starts]] = a[chosen][starts]
         high[of[chosen][starts]] = b[chosen][np.append(starts[1:], len(chosen)) - 1]
-    turn = np.where(left == right, high - low == TURN, (low == left) & (high == right))
+    turn = np.where(left == right, high - low == TURN_DIRECTIONS, (low == left) & (high == right))
     refuse(closing & ~turn, "the sectors are not those of the node, or a full turn")

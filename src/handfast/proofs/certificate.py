@@ -24,13 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, numbers
-from handfast.proofs.question import LARGEST, Question, Range, read_question
+from handfast.proofs.question import LARGEST_GOAL, Question, Range, read_question
 
 SCHEMA = "handfast/certificate/1"
-NODES = ("parent", "part", "state", "left", "right")
-ROWS = ("kind", "index", "a", "b")
-MOST = 1 << 28  # bytes of a proof
-NUMBERS = 10**8  # that a certificate stands for: what they take is in proportion
+NODE_ARRAYS = ("parent", "part", "state", "left", "right")
+ROW_ARRAYS = ("kind", "index", "a", "b")
+MAX_PROOF_BYTES = 1 << 28  # bytes of a proof
+MAX_CERTIFICATE_NUMBERS = 10**8  # that a certificate stands for: what they take is in proportion
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,8 @@ class Certificate:
     def __post_init__(self) -> None:
         put = object.__setattr__
         self._check_scalar()
-        sizes = dict.fromkeys(NODES, np.size(self.parent)) | dict.fromkeys(ROWS, np.size(self.kind))
-        for name in (*NODES, "start", *ROWS):
+        sizes = dict.fromkeys(NODE_ARRAYS, np.size(self.parent)) | dict.fromkeys(ROW_ARRAYS, np.size(self.kind))
+        for name in (*NODE_ARRAYS, "start", *ROW_ARRAYS):
             put(self, name, _integers(getattr(self, name), sizes.get(name), name))
         s, rows = self.start, len(self.kind)
         if not len(self.parent):
@@ -96,7 +96,7 @@ class Certificate:
             raise BadFile("is the range of the goal's scalar; null for a check", "scalar")
         if self.scalar is not None:
             lo, hi = (float(x) for x in self.scalar)
-            if not (np.isfinite(lo) and lo <= hi) or (lo < 0 and self.question.goal != LARGEST):
+            if not (np.isfinite(lo) and lo <= hi) or (lo < 0 and self.question.goal != LARGEST_GOAL):
                 raise BadFile(f"is {lo:g} to {hi:g}, not a range that the goal knows", "scalar")
             object.__setattr__(self, "scalar", (lo, hi))
 
@@ -142,7 +142,7 @@ def _integers(value: Any, size: int | None, name: str) -> Integers:
 
 def proof_to_dict(c: Certificate) -> dict[str, Any]:
     """The certificate but for its question, as it stands in files."""
-    columns = [getattr(c, name) for name in (*NODES, *ROWS)] + [np.diff(c.start)]
+    columns = [getattr(c, name) for name in (*NODE_ARRAYS, *ROW_ARRAYS)] + [np.diff(c.start)]
     multipliers = _planes(c.multiplier)
     packed = b"".join([*(_shuffled(x) for x in columns), multipliers, c.references.astype("<f8").tobytes()])
     return {
@@ -189,21 +189,23 @@ def _read(f: Fields, question: Question) -> Certificate:
         raise BadFile(f"is {bits}; 32 or 64 is needed", f.at("bits"))
     g = question.grasp
     unpacked = R * (6 + g.l + 3 * g.m) + 3 * N * (g.m + g.a)
-    if unpacked > NUMBERS:
-        problem = f"has {N} nodes and {R} rows about {g.m} contacts, {unpacked:.2g} numbers; at most {NUMBERS:.2g}"
-        raise BadFile(f"{problem} are possible", f.at("rows"))
+    if unpacked > MAX_CERTIFICATE_NUMBERS:
+        problem = f"has {N} nodes and {R} rows about {g.m} contacts, {unpacked:.2g} numbers"
+        raise BadFile(f"{problem}; at most {MAX_CERTIFICATE_NUMBERS:.2g} are possible", f.at("rows"))
     long = bits // 8
-    size = 4 * (len(NODES) * N + len(ROWS) * R + L) + long * R + 8 * K * width
+    size = 4 * (len(NODE_ARRAYS) * N + len(ROW_ARRAYS) * R + L) + long * R + 8 * K * width
     packed = _unpacked(f.text("proof"), size, f.at("proof"))
     f.done()
-    ends = np.cumsum([0, *[4 * N] * len(NODES), *[4 * R] * len(ROWS), 4 * L, long * R, 8 * K * width]).tolist()
+    ends = np.cumsum(
+        [0, *[4 * N] * len(NODE_ARRAYS), *[4 * R] * len(ROW_ARRAYS), 4 * L, long * R, 8 * K * width]
+    ).tolist()
     *whole, y, x = (packed[i:j] for i, j in pairwise(ends))
     *columns, counts = (_unshuffled(part) for part in whole)
     try:
         return Certificate(
             question=question,
             scalar=scalar,
-            **dict(zip((*NODES, *ROWS), columns, strict=True)),
+            **dict(zip((*NODE_ARRAYS, *ROW_ARRAYS), columns, strict=True)),
             start=np.concatenate([[0], np.cumsum(counts)]),
             multiplier=_joined(y, long).view(f"<f{long}")[:, 0].astype(f"f{long}"),
             references=np.frombuffer(x, "<f8").reshape(K, width),
@@ -214,8 +216,10 @@ def _read(f: Fields, question: Question) -> Certificate:
 
 def _unpacked(text: str, size: int, field_: str) -> bytes:
     """The bytes in a text, exactly so many; no more are unpacked."""
-    if size > MOST:
-        raise BadFile(f"is of {size} bytes by its numbers of nodes and rows; at most {MOST} are possible", field_)
+    if size > MAX_PROOF_BYTES:
+        raise BadFile(
+            f"is of {size} bytes by its numbers of nodes and rows; at most {MAX_PROOF_BYTES} are possible", field_
+        )
     try:
         stream = zlib.decompressobj()
         out = stream.decompress(base64.b64decode(text, validate=True), size + 1)

@@ -8,11 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.proofs.fields import Array, Integers
-from handfast.proofs.intervals import TINY, ULP, Dual, Interval, cos, crossing, join, orthonormal, sin, unit
+from handfast.proofs.intervals import (
+    MACHINE_EPSILON,
+    UNDERFLOW_BOUND,
+    Dual,
+    Interval,
+    cos,
+    crossing,
+    join,
+    orthonormal,
+    sin,
+    unit,
+)
 from handfast.proofs.replay import Refused
 from handfast.proofs.tasks import CouplingData, HandData, TaskData
 
-CROOKED = 1e-12  # by which the floats of a link's rotation may miss a rotation
+LINK_ROTATION_ERROR = 1e-12  # by which the floats of a link's rotation may miss a rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +74,7 @@ def _driven(
         shift = gain * first + shift
         size += float(gain.mag[0]) * abs(first)
     if lower == upper:
-        if not np.abs(shift.mid[0] - lower) <= 16 * ULP * size + 16 * TINY:
+        if not np.abs(shift.mid[0] - lower) <= 16 * MACHINE_EPSILON * size + 16 * UNDERFLOW_BOUND:
             stands = f"{lower:.9g} by its limits, at {shift.mid[0]:.9g} by its coupling"
             raise Refused(f"joint {name} is fixed at {stands}")
         # the two agree but for rounding: whichever is meant, a solution exists
@@ -271,7 +282,7 @@ def frames(hand: HandData, links: Array) -> tuple[Interval, Interval]:
     R = orthonormal(poses[:, :3, 0], poses[:, :3, 1])
     crooked = np.abs(R.mid - poses[:, :3, :3]).max(axis=(1, 2))
     for i, by in zip(links.tolist(), crooked.tolist(), strict=True):
-        if not by <= CROOKED:
+        if not by <= LINK_ROTATION_ERROR:
             raise Refused(f"link {hand.links[i].name} does not stand at a rotation, but {by:.3g} off one")
     upright = (poses[:, :3, :3] == np.eye(3)).all(axis=(1, 2))[:, None, None, None]
     return Interval(np.where(upright, Interval.of(np.eye(3)).ends, R.ends)), Interval.of(poses[:, :3, 3:])

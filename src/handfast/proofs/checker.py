@@ -18,9 +18,9 @@ from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.leaves import CitedRows, Late, LeafSystems, in_time
 from handfast.proofs.rows import Columns, LeafRows, Row, zeros
-from handfast.proofs.tolerance import LEAST, TOO_SMALL
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL
 
-SIDE = 256  # leaves whose rows are in memory at a time
+LEAF_BATCH = 256  # leaves whose rows are in memory at a time
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,11 @@ def verify(
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
             equations = equations_of(q)
             right = RightSide.of(q, c.scalar, len(equations.E))
-            if 0 < right.scale < LEAST:
+            if 0 < right.scale < MIN_FORCE_SCALE:
                 raise BadCertificate(TOO_SMALL)
             margins, caps = np.full(leaves, -np.inf), np.full(leaves, np.inf)
-            for begin in range(0, len(asked), SIDE):
-                some = asked[begin : begin + SIDE]
+            for begin in range(0, len(asked), LEAF_BATCH):
+                some = asked[begin : begin + LEAF_BATCH]
                 in_time(until)
                 systems = LeafSystems(equations, right, checked_rows(c, cases, some), until)
                 margins[some], caps[some] = systems.proved(quick)
@@ -110,7 +110,7 @@ def checked_rows(c: Certificate, cases: Integers, leaves: Integers) -> CitedRows
             r = int(np.flatnonzero(bad)[0])
             k = leaves[leaf[r]]
             place = f"leaf {k} (node {c.leaves[k]}), row {r - start[leaf[r]]}"
-            name = Row(kind[r]).name if kind[r] in rows.KINDS else kind[r]
+            name = Row(kind[r]).name if kind[r] in rows.ROW_KINDS else kind[r]
             raise BadCertificate(f"{place}, {name} {index[r]} [{a[r]}, {b[r]}]: {why}")
 
     refuse(~rows.known(q, some), "no such kind, contact, actuator, column or reference")

@@ -23,12 +23,12 @@ import numpy as np
 
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, numbers
-from handfast.proofs.intervals import ULP, Interval, cos, join, sqr, sqrt
+from handfast.proofs.intervals import MACHINE_EPSILON, Interval, cos, join, sqr, sqrt
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData
 
 SCHEMA = "handfast/existence/1"
-SHORTEST = 1e-3  # length of a quaternion below which it is none
+MIN_QUATERNION = 1e-3  # length of a quaternion below which it is none
 CLAIM = "an exact one exists in its box"
 AND = "; and "  # between the reasons of a configuration that is refused for several
 
@@ -217,8 +217,8 @@ def _refuse_misfit(task: TaskData, proof: Existence) -> None:
         if hand.ball != (point.hand is None):
             needed = "a cap, which has no u and v" if hand.ball else "no cap, so it needs u and v"
             raise Refused(f"contact {k}: the hand region is {needed}")
-    if not np.linalg.norm(proof.quaternion) > SHORTEST:
-        raise Refused(f"the quaternion is shorter than {SHORTEST:g}")
+    if not np.linalg.norm(proof.quaternion) > MIN_QUATERNION:
+        raise Refused(f"the quaternion is shorter than {MIN_QUATERNION:g}")
 
 
 def _refuse_empty(task: TaskData) -> None:
@@ -271,7 +271,7 @@ def _worst(x: Array) -> int:
 def _most(x: Array) -> float:
     """The largest, as an upper bound: the quotients were rounded once."""
     most = float(x.max())
-    return most * (1 + 2 * ULP) if most == most else np.inf
+    return most * (1 + 2 * MACHINE_EPSILON) if most == most else np.inf
 
 
 # --- is it strictly inside all bounds? --------------------------------------------------------------

@@ -31,10 +31,10 @@ from handfast.proofs.motors import Motors
 from handfast.proofs.regions import ContactSide
 from handfast.proofs.tasks import TaskData
 
-BATCH = 256  # boxes that are looked at together
-BOXES = 4096  # for one lever arm
-TIGHT = 0.9  # of the least lever arm that was met: a bound that is good enough
-TRIED = 2  # joints of a finger, from the outermost inwards
+LEVER_BATCH = 256  # boxes that are looked at together
+LEVER_BOXES = 4096  # for one lever arm
+LEVER_BOUND_RATIO = 0.9  # of the least lever arm that was met: a bound that is good enough
+TRIED_JOINTS = 2  # joints of a finger, from the outermost inwards
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def contact_force_limits(task: TaskData, motors: Motors, friction: float, torsio
         return ForceLimits(out, turned, slid)
     anywhere = Interval.between(*task.hand.limits.T)[None]
     for k in range(len(out)):
-        for lead in _leads(task, k)[:TRIED]:
+        for lead in _leads(task, k)[:TRIED_JOINTS]:
             rates = _rates(task, lead)
             for sense in (1.0, -1.0) if rates else ():
                 its = {j: sense * rate for j, rate in rates.items()}
@@ -133,12 +133,12 @@ def least_arm(
 
     -inf or less than 0 if there is none.
 
-    By branch and bound, until the bound is `TIGHT`, at least `enough`, or `BOXES` were looked at.
+    By branch and bound, until the bound is `LEVER_BOUND_RATIO`, at least `enough`, or `LEVER_BOXES` were looked at.
     """
     arm = LeverArm(task, contact, rates, friction, torsion)
     boxes, bounds, least, seen = arm.root[None], np.full(1, -np.inf), np.inf, 0
-    while seen < BOXES and bounds.min() < min(TIGHT * least, enough):
-        first = np.argsort(bounds, kind="stable")[:BATCH]
+    while seen < LEVER_BOXES and bounds.min() < min(LEVER_BOUND_RATIO * least, enough):
+        first = np.argsort(bounds, kind="stable")[:LEVER_BATCH]
         middle = arm.over(Interval.of(boxes[first].mean(axis=2)))
         least = min(least, float(middle.hi.min()))
         if least < 0:

@@ -19,8 +19,8 @@ from handfast.proofs.fields import Array, BadFile, Fields, Integers
 from handfast.proofs.intervals import Dual, Interval, cross, dot, join, norm, orthonormal, unit
 from handfast.proofs.replay import Refused
 
-SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
-CROOKED = 1e-9  # by which the floats of a solid's rotation may miss a rotation
+SIZE_COUNTS = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
+SOLID_ROTATION_ERROR = 1e-9  # by which the floats of a solid's rotation may miss a rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class SolidData:
     """A convex solid in its carrier's frame.
 
     Attributes:
-        kind: a key of `SIZES`. size: [m] box: full edges; sphere: radius; capsule and cylinder: radius and length
+        kind: a key of `SIZE_COUNTS`. size: [m] box: full edges; sphere: radius; capsule and cylinder: radius and length
             along z, a capsule's without its caps; ellipsoid: semi-axes; mesh: none.
         rotation: (3, 3), place: (3,) [m] of its own frame.
         vertices: (v, 3) [m] of a mesh, own frame.
@@ -46,14 +46,14 @@ class SolidData:
     @classmethod
     def read(cls, f: Fields) -> SolidData:
         """As it stands in a file; a mesh has no faces yet. `BadFile` for what is no solid."""
-        kind = f.text("kind", among=tuple(SIZES))
-        size, pose = f.numbers("size", (SIZES[kind],)), f.numbers("pose", (4, 4))
+        kind = f.text("kind", among=tuple(SIZE_COUNTS))
+        size, pose = f.numbers("size", (SIZE_COUNTS[kind],)), f.numbers("pose", (4, 4))
         if not (size > 0).all():
             raise BadFile("has a size that is not above 0", f.at("size"))
         vertices = f.numbers("vertices", (-1, 3)) if kind == "mesh" else np.zeros((0, 3))
         f.done()
         rotation = orthonormal(pose[None, :3, 0], pose[None, :3, 1])[0]
-        if not np.abs(rotation.mid - pose[:3, :3]).max() <= CROOKED:
+        if not np.abs(rotation.mid - pose[:3, :3]).max() <= SOLID_ROTATION_ERROR:
             raise BadFile("is no rotation", f.at("pose"))
         corner = normal = np.zeros((0, 3))
         if kind == "box":

@@ -27,14 +27,14 @@ from handfast.proofs.convex_solids import SolidData, SolidsData
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.motors import Motors
-from handfast.proofs.posed_boxes import CHARTS, OBJECT, ContactBoxes, Posed, mean_value
+from handfast.proofs.posed_boxes import CHARTS, OBJECT_LINK, ContactBoxes, Posed, mean_value
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.tasks import TaskData
 from handfast.proofs.unbalanced import BoxBounds, HandMotion, Motions, MovedJoint, Placements, halves, nearness
 
-BATCH = 64  # boxes that are looked at together
-MANY = 2_000_000  # entries of a tree at most
-CONTACTS = -1  # the entry of a box in which the contacts cannot be made; -2 - r: discarded by claim r
+DISCARD_BATCH = 64  # boxes that are looked at together
+MAX_TREE_ENTRIES = 2_000_000  # entries of a tree at most
+NO_CONTACT_ENTRY = -1  # the entry of a box in which the contacts cannot be made; -2 - r: discarded by claim r
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,8 @@ class Collision:
 
     Attributes:
         solids: of the question, meshes with faces.
-        which: (M, 4) link, its solid, body (another link or the `OBJECT`), its solid. points: (M, 3) [m] link frame.
+        which: (M, 4) link, its solid, body (another link or the `OBJECT_LINK`), its solid. points: (M, 3) [m] link
+        frame.
     """
 
     solids: SolidsData
@@ -135,7 +136,7 @@ class Collision:
         for part in f.objects("collisions"):
             link, body = (body_of(part, name, links) for name in ("link", "body"))
             row = [link, part.whole("solid"), body, part.whole("other")]
-            if link == OBJECT or not {link, body} <= placed | {OBJECT} or not solids.may_not_meet(link, body):
+            if link == OBJECT_LINK or not {link, body} <= placed | {OBJECT_LINK} or not solids.may_not_meet(link, body):
                 raise BadFile("may overlap, or stands where the contacts do not say", part.place)
             if not (row[1] < len(solids.of(link)) and row[3] < len(solids.of(body))):
                 raise BadFile("has no such solid", part.place)
@@ -221,9 +222,9 @@ def inside(solid: SolidData, points: Array) -> Array:
 
 
 def body_of(f: Fields, name: str, links: Sequence[str]) -> int:
-    """A link by its name, or the `OBJECT` for null."""
+    """A link by its name, or the `OBJECT_LINK` for null."""
     if not f.has(name):
-        return OBJECT
+        return OBJECT_LINK
     said = f.text(name)
     refuse_unknown(said, links, "link", f.at(name))
     return list(links).index(said)
@@ -237,7 +238,8 @@ class BoxTree:
     """Boxes in order, the lower half first, one tree for each chart after the other.
 
     Attributes:
-        entries: of each box the coordinate in whose middle it is halved, `CONTACTS`, -2 - r, or None: it is open.
+        entries: of each box the coordinate in whose middle it is halved, `NO_CONTACT_ENTRY`, -2 - r, or None: it is
+        open.
     """
 
     entries: tuple[int | None, ...]
@@ -245,8 +247,8 @@ class BoxTree:
     @classmethod
     def read(cls, f: Fields, n: int, claims: int) -> BoxTree:
         entries = f.take("tree")
-        if not isinstance(entries, list) or not CHARTS <= len(entries) <= MANY:
-            raise BadFile(f"is no list of {CHARTS} to {MANY} entries", f.at("tree"))
+        if not isinstance(entries, list) or not CHARTS <= len(entries) <= MAX_TREE_ENTRIES:
+            raise BadFile(f"is no list of {CHARTS} to {MAX_TREE_ENTRIES} entries", f.at("tree"))
         for k, x in enumerate(entries):
             if x is not None and (type(x) is not int or not -2 - claims < x < n):
                 raise BadFile(f"is {x!r}; a coordinate below {n}, a claim or null is needed", f"{f.at('tree')}[{k}]")
@@ -294,7 +296,7 @@ class BoxTree:
         done: Counter[int] = Counter()
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which discards nothing
             while stack:
-                part, stack = stack[-BATCH:], stack[:-BATCH]
+                part, stack = stack[-DISCARD_BATCH:], stack[:-DISCARD_BATCH]
                 left += [at for at in part if self.entries[at.index] is None]
                 part = [at for at in part if self.entries[at.index] is not None]
                 if not part:
@@ -307,7 +309,7 @@ class BoxTree:
                 shown[its] = discarded(boxes.some(its), -2 - entries[its], reasons)
                 for at, x, ok, box in zip(part, entries.tolist(), shown.tolist(), kept, strict=True):
                     if ok:
-                        done[min(x, CONTACTS)] += 1
+                        done[min(x, NO_CONTACT_ENTRY)] += 1
                     elif x < 0:
                         raise Refused(f"box {at.index} of the tree is not discarded as it says")
                     else:
@@ -399,7 +401,7 @@ class NoGraspProof:
 
 def _faced(f: Fields, solids: SolidsData, links: Sequence[str]) -> SolidsData:
     """The solids, meshes with the faces that a file gives them."""
-    bodies = {i: list(s) for i, s in solids.of_link.items()} | {OBJECT: list(solids.of_object)}
+    bodies = {i: list(s) for i, s in solids.of_link.items()} | {OBJECT_LINK: list(solids.of_object)}
     for part in f.objects("faces"):
         body, k = body_of(part, "body", links), part.whole("solid")
         if not k < len(bodies.get(body, ())):
@@ -409,7 +411,7 @@ def _faced(f: Fields, solids: SolidsData, links: Sequence[str]) -> SolidsData:
             raise BadFile("are no indices", part.at("faces"))
         bodies[body][k] = bodies[body][k].with_faces(faces.astype(np.int64))
         part.done()
-    thing = tuple(bodies.pop(OBJECT))
+    thing = tuple(bodies.pop(OBJECT_LINK))
     return SolidsData({i: tuple(s) for i, s in bodies.items()}, thing, solids.allowed)
 
 
@@ -461,7 +463,7 @@ class DiscardCounts:
                 pairs[link, body] += count
             elif x <= -2:
                 forces[int(moved[-2 - x])] += count
-        return cls(done.get(CONTACTS, 0), forces[0], forces[1], pairs)
+        return cls(done.get(NO_CONTACT_ENTRY, 0), forces[0], forces[1], pairs)
 
     def words(self, task: TaskData, solids: SolidsData) -> str:
         """What is shown of the contacts of a task, and the share of each reason."""
@@ -469,7 +471,7 @@ class DiscardCounts:
         links = [link.name for link in task.hand.links]
         parts = []
         for (link, body), count in self.collision.most_common():
-            other = "the object" if body == OBJECT else links[body]
+            other = "the object" if body == OBJECT_LINK else links[body]
             deep = f"{1e3 * solids.depth_allowed(link, body):.3g} mm"
             parts.append((count, f"{links[link]} is more than {deep} inside {other}"))
         slips = "it slips, whatever the motors do within their limits"

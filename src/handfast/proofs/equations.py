@@ -17,11 +17,11 @@ from flint import fmpq, fmpq_mat
 from handfast.proofs.fields import Array, Integers, Mask, rationals
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, Range
-from handfast.proofs.rows import UNIT, Columns
+from handfast.proofs.rows import UNIT_ROUNDOFF, Columns
 from handfast.proofs.tolerance import EPS, WORK, load_scale, slack_units
 
 SEEMS = 1e-9  # relative: motions of a contact that are this near to dependent ones may be so
-ROUNDED = 64 * UNIT  # relative error of an entry of G and J, of its sum of absolute values
+ENTRY_ROUNDING = 64 * UNIT_ROUNDOFF  # relative error of an entry of G and J, of its sum of absolute values
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class Equations:
     Attributes:
         columns: of x.
         E, Z: (p, n), (3m+a+1+s, n), entries of G, J and given torques rounded.
-        E_size, Z_size: sums of the absolute values of what entries are made of: |rounded - exact| <= `ROUNDED` size,
-            and 0 only where the exact entry is.
+        E_size, Z_size: sums of the absolute values of what entries are made of: |rounded - exact| <= `ENTRY_ROUNDING`
+            size, and 0 only where the exact entry is.
         about: (p, p) that turns multipliers of forces of (1) into those of forces through the contacts' centroid.
         joint_units: (l',) of `GraspData`; of sliders, whose motion is a mean of others', the least.
         grasp, given: for exact numbers: (l',) torques that are given to joints.
@@ -129,7 +129,7 @@ class Equations:
             return np.asarray(np.linalg.norm(x, axis=1))
 
         about = torque - np.cross(g.centroid, force)
-        rounding = 16 * UNIT * (length(torque) + arm * length(force))
+        rounding = 16 * UNIT_ROUNDOFF * (length(torque) + arm * length(force))
         turns = (length(about) + rounding + length(off[:, 3:6]) + arm * length(off[:, :3])) / g.size
         own = (
             length(force)
@@ -305,7 +305,7 @@ class RightSide:
 
         v: (L, p) of E x = h. z: (L, 3m+s) of motions at contacts, then of turning.
         """
-        size = np.abs(v @ q.about.T) + (change + 16 * UNIT * np.abs(v)) @ np.abs(q.about.T)
+        size = np.abs(v @ q.about.T) + (change + 16 * UNIT_ROUNDOFF * np.abs(v)) @ np.abs(q.about.T)
         m, soft = q.grasp.m, q.grasp.soft
         slips = np.zeros((len(z), m, 4))
         far = np.abs(z) + z_change

@@ -19,7 +19,7 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.near import Near, near
 from handfast.proofs.newton import Box, NotShown, System
 from handfast.proofs.states import (
-    ULP,
+    UNIT_ROUNDOFF,
     ContactMode,
     Modes,
     Part,
@@ -31,11 +31,16 @@ from handfast.proofs.states import (
     reaction_ends,
     sense,
 )
-from handfast.proofs.tolerance import LEAST, TOO_SMALL, motion_size
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL, motion_size
 
-NEAR = 1e-6  # relative to the forces that act: how far the forces that are proved may be from the printed ones
-TRIES = 16  # modes that are tried
-CLOSE, AWAY = 1e-7, 1e-8  # relative to the forces that act: inequalities kept by less are to be kept by so much
+FORCE_DEVIATION = (
+    1e-6  # relative to the forces that act: how far the forces that are proved may be from the printed ones
+)
+MODE_TRIES = 16  # modes that are tried
+ACTIVE_SLACK, REQUIRED_SLACK = (
+    1e-7,
+    1e-8,
+)  # relative to the forces that act: inequalities kept by less are to be kept by so much
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ def prove(
     until: float = np.inf,
     least: float = -np.inf,
     within: float = np.inf,
-    tries: int = TRIES,
+    tries: int = MODE_TRIES,
 ) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
 
@@ -84,7 +89,7 @@ def prove(
         shown only where x itself misses too much.
     tries: modes that are tried, the likeliest first.
     """
-    if not p.scale >= LEAST:
+    if not p.scale >= MIN_FORCE_SCALE:
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
@@ -114,7 +119,7 @@ def _nearer(p: Problem, x: State, modes: Modes) -> Near:
     except NotShown:
         return elsewhere
     apart = (np.abs(forces - x.forces(p.grasp)) * p.grasp.row_units).max()
-    return near(p, State.of(p.grasp, v, forces)) if apart <= NEAR * acting(p, x) else elsewhere
+    return near(p, State.of(p.grasp, v, forces)) if apart <= FORCE_DEVIATION * acting(p, x) else elsewhere
 
 
 def polished(p: Problem, x: State) -> tuple[Problem, State]:
@@ -194,7 +199,7 @@ def _tried(s: System, x: State, residual: float) -> Proved:
 
 def _inside(s: System) -> State:
     """The nearest state that solves the linearised equations and keeps every inequality by a little, if any does."""
-    p, e, nv, (n, step) = s.p, s.of_modes, len(s.v), (s.A.shape[1], CLOSE * s.p.scale)
+    p, e, nv, (n, step) = s.p, s.of_modes, len(s.v), (s.A.shape[1], ACTIVE_SLACK * s.p.scale)
     d, phi = np.zeros((n, len(s.d))), np.zeros((n, len(s.d)))  # by each of the scaled unknowns
     d[:nv] = (p.grasp.rows[0] * s.columns[:nv]).T
     phi[:, s.laws.rows] = np.einsum("cij,ncj->nci", s.laws.K, d[:, s.laws.rows])
@@ -207,10 +212,10 @@ def _inside(s: System) -> State:
         return np.concatenate([np.where(applies, value, np.inf) for *_, value, applies in of_all], axis=-1)
 
     act, here = acting(p, State.of(p.grasp, s.v, s.phi)), values(s.d, s.phi)
-    least = here < CLOSE * act
+    least = here < ACTIVE_SLACK * act
     kept = (values(s.d + step * d, s.phi + step * phi)[:, least] - here[least]).T / step
     both = np.vstack([s.units[:, None] * s.A * s.columns, kept])
-    short = np.concatenate([-s.units * s.value, AWAY * act - here[least]])
+    short = np.concatenate([-s.units * s.value, REQUIRED_SLACK * act - here[least]])
     try:
         x = s.columns * np.linalg.lstsq(both, short, rcond=1e-12)[0]
     except np.linalg.LinAlgError:
@@ -224,7 +229,7 @@ def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
     """What a box shows. Raises `NotShown`."""
     p = s.p
     margin, radius = inequalities(p, s.modes, box), _radius(p, x, box)
-    off = box.magnitude_off + 4 * ULP * abs(box.magnitude)
+    off = box.magnitude_off + 4 * UNIT_ROUNDOFF * abs(box.magnitude)
     ends = (box.magnitude - off, box.magnitude + off) if p.along is not None else None
     motion = motion_size(p.grasp, box.v, box.v_off)
     return Proved(True, False, "", residual, radius, motion, margin, ends, s.modes)
@@ -239,25 +244,25 @@ def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Ma
     With the name of what it is about, what is wrong where it is negative, and (k,) to which of them it applies.
     """
     g, T = p.grasp, p.grasp.contact_rows
-    d, d_off = box.d[..., T], box.d_off[T] + 8 * ULP * np.abs(box.d[..., T])
-    c, c_off = box.phi[..., T], box.phi_off[T] + 8 * ULP * np.abs(box.phi[..., T])
+    d, d_off = box.d[..., T], box.d_off[T] + 8 * UNIT_ROUNDOFF * np.abs(box.d[..., T])
+    c, c_off = box.phi[..., T], box.phi_off[T] + 8 * UNIT_ROUNDOFF * np.abs(box.phi[..., T])
     _, _, actuators, _, joints = g.parts
-    length = lambda x: np.sqrt((x * x).sum(axis=-1)) * (1 + 8 * ULP)  # noqa: E731
-    slides = length(d[..., 1:]) * (1 - 32 * ULP) - length(d_off[..., 1:])
+    length = lambda x: np.sqrt((x * x).sum(axis=-1)) * (1 + 8 * UNIT_ROUNDOFF)  # noqa: E731
+    slides = length(d[..., 1:]) * (1 - 32 * UNIT_ROUNDOFF) - length(d_off[..., 1:])
     gap = g.gaps + p.cos * (d[..., 0] - d_off[..., 0]) + p.sin * np.maximum(slides, 0.0)
-    gap = gap - np.where(g.gaps != 0, 16 * ULP * (np.abs(g.gaps) + np.abs(d[..., 0])), 0.0)
+    gap = gap - np.where(g.gaps != 0, 16 * UNIT_ROUNDOFF * (np.abs(g.gaps) + np.abs(d[..., 0])), 0.0)
     presses = c[..., 0] - c_off[..., 0]
-    inside = g.mu * presses * (1 - 8 * ULP) - length(c[..., 1:]) - length(c_off[..., 1:])
+    inside = g.mu * presses * (1 - 8 * UNIT_ROUNDOFF) - length(c[..., 1:]) - length(c_off[..., 1:])
     rubs = ((modes.contact == ContactMode.STICKS) | (modes.contact == ContactMode.RUBS)) & (
         g.mu > 0
     )  # LEANS is by its ratio
     below = p.force_limit - c[..., 0] - np.where(modes.closed, c_off[..., 0], 0.0)
     arms = p.grasp.row_units
     f, t = box.phi[..., actuators], box.d[..., actuators] * sense(p)
-    f_off = box.phi_off[actuators] + 4 * ULP * np.abs(f)
-    beyond = sense(p) * (f - p.command) - (f_off + 4 * ULP * np.abs(p.command)) * (f != p.command)
+    f_off = box.phi_off[actuators] + 4 * UNIT_ROUNDOFF * np.abs(f)
+    beyond = sense(p) * (f - p.command) - (f_off + 4 * UNIT_ROUNDOFF * np.abs(p.command)) * (f != p.command)
     turns = t - box.d_off[actuators]
-    turns = np.where(g.slack != 0, (turns + g.slack) - 4 * ULP * (np.abs(t) + g.slack), turns)
+    turns = np.where(g.slack != 0, (turns + g.slack) - 4 * UNIT_ROUNDOFF * (np.abs(t) + g.slack), turns)
     commanded = (g.command != 0) | g.tendon
     limited = p.limit - np.abs(f) - np.where(np.abs(f) == p.limit, box.phi_off[actuators], f_off)
     lo, hi = reaction_ends(g)
@@ -265,8 +270,8 @@ def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Ma
     at_rest = (modes.joint == Part.RESTS) | (modes.joint == Part.LOW) | (modes.joint == Part.HIGH)
     carries = np.minimum(np.where(rho == lo, 0.0, rho - lo), np.where(rho == hi, 0.0, hi - rho)) - rho_off
     side, way = np.sign(g.stops_left), np.abs(g.stops_left)
-    beyond_stop = side * q + way - q_off - 4 * ULP * (np.abs(q) + way)
-    leans = side * rho - g.friction - rho_off - 4 * ULP * (np.abs(rho) + g.friction)
+    beyond_stop = side * q + way - q_off - 4 * UNIT_ROUNDOFF * (np.abs(q) + way)
+    leans = side * rho - g.friction - rho_off - 4 * UNIT_ROUNDOFF * (np.abs(rho) + g.friction)
     went = (side != 0) & (modes.joint != Part.BACK)
     kind, unit_f, unit_t = modes.contact, arms[actuators], 1.0 / arms[actuators]
     return [
@@ -294,7 +299,7 @@ def inequalities(p: Problem, modes: Modes, box: Box) -> float:
         k = int(np.argmin(value)) if len(value) else 0
         if len(value) and not value[k] >= 0:
             reason = f"{_said(p.grasp, name, k)} {fault}: {value[k]:.2e} N"
-            raise NotShown(reason, name.format(k), rounding=value[k] > -NEAR * act)
+            raise NotShown(reason, name.format(k), rounding=value[k] > -FORCE_DEVIATION * act)
         least = min(least, float(value.min(initial=np.inf)))
     return least / act
 
@@ -305,11 +310,11 @@ def _said(g: GraspData, name: str, k: int) -> str:
 
 
 def _radius(p: Problem, x: State, box: Box) -> float:
-    """[N] how far the box is from the floats at most. Raises `NotShown` if that is more than `NEAR`."""
+    """[N] how far the box is from the floats at most. Raises `NotShown` if that is more than `FORCE_DEVIATION`."""
     act = acting(p, x)
     motion = (np.abs(box.d - p.grasp.rows[0] @ x.motion) + box.d_off) / p.grasp.row_units
     force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.grasp.row_units
-    if not force.max() <= NEAR * act:
+    if not force.max() <= FORCE_DEVIATION * act:
         where = row_name(p, int(np.argmax(force)))
         reason = f"{where}: the force of the state that is proved is {force.max():.1e} N from the printed one"
         raise NotShown(reason, rounding=True)

@@ -37,11 +37,14 @@ from handfast.proofs.replay import Replay
 from handfast.proofs.solids import ConvexSolid, SurfaceParts, angle, hidden
 
 SCHEMA = "handfast/contacts/1"
-MARGIN = 1e-6  # [rad], or of a sum
-OPPOSITE = 1e-9  # of loads: these are one the other with the other sign
+DIRECTION_MARGIN = 1e-6  # [rad], or of a sum
+OPPOSITE_TOLERANCE = 1e-9  # of loads: these are one the other with the other sign
 DIRECTION = 1e-3  # share of the largest of the loads below which a force or a torque counts as no direction
-PARTS, CUTS = 6000, 48  # of the surface that are looked at together, and how often each is halved, at most
-GRID = 200  # directions along each side of the six faces of a cube
+SURFACE_PARTS, SURFACE_HALVINGS = (
+    6000,
+    48,
+)  # of the surface that are looked at together, and how often each is halved, at most
+CUBE_GRID = 200  # directions along each side of the six faces of a cube
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,7 @@ class Held:
         """(k,) loads that come with both signs."""
         size = np.linalg.norm(self.loads, axis=1)
         unit = self.loads / np.maximum(size, 1e-300)[:, None]
-        return (size > 0) & (np.linalg.norm(unit[:, None] + unit, axis=2) < OPPOSITE).any(axis=1)
+        return (size > 0) & (np.linalg.norm(unit[:, None] + unit, axis=2) < OPPOSITE_TOLERANCE).any(axis=1)
 
     def opposed(self, reach: float | None = None) -> Fewest:
         """What loads of both signs take, whatever the shape.
@@ -123,7 +126,7 @@ class Held:
     def _weighed(self) -> bool:
         """Are among the loads forces at the centre of mass of both signs that span all directions?"""
         force, off = self.loads[:, :3], np.linalg.norm(self._torques(self.center), axis=1)
-        its = force[self._both() & (off <= OPPOSITE * self._reach * np.linalg.norm(force, axis=1))]
+        its = force[self._both() & (off <= OPPOSITE_TOLERANCE * self._reach * np.linalg.norm(force, axis=1))]
         if len(its) < 6:
             return False
         return bool(np.linalg.svd(its / np.linalg.norm(its, axis=1, keepdims=True))[1][2] > 0.1)
@@ -135,12 +138,12 @@ class Held:
         size, most = np.linalg.norm(force, axis=1), np.hypot(1.0, self.friction)
         arm = self._reach * most + self.torsion
         needed = max(size.max() / most, torque.max() / arm), self._in_all_directions(force, size)
-        n = float(np.ceil(max(needed) / max(self.force_limit, 1e-300) * (1 - MARGIN)))
+        n = float(np.ceil(max(needed) / max(self.force_limit, 1e-300) * (1 - DIRECTION_MARGIN)))
         return Fewest(int(min(n, 1e9)), "force") if n > 1 else Fewest(1)
 
     def _in_all_directions(self, force: Array, size: Array) -> float:
         """[N] what all loads ask for, over what one contact gives to all of them per newton of its normal force."""
-        steps = np.linspace(-1, 1, GRID)
+        steps = np.linspace(-1, 1, CUBE_GRID)
         u, v = (a.ravel() for a in np.meshgrid(steps, steps))
         one = np.ones_like(u)
         faces = [np.roll(np.stack([sign * one, u, v], axis=1), k, axis=1) for k in range(3) for sign in (1, -1)]
@@ -148,7 +151,7 @@ class Held:
         along = (n / np.linalg.norm(n, axis=1, keepdims=True)) @ (force / np.maximum(size, 1e-300)[:, None]).T
         along = np.clip(along, -1, 1)
         gives = np.maximum(along + self.friction * np.sqrt(1 - along**2), 0.0)
-        between = 1.01 * np.sqrt(2) / (GRID - 1) * np.hypot(1.0, self.friction)  # by how much one may be missed
+        between = 1.01 * np.sqrt(2) / (CUBE_GRID - 1) * np.hypot(1.0, self.friction)  # by how much one may be missed
         some = size > 0
         return float(size.sum() / (gives[:, some].sum(axis=1).max() + between * some.sum())) if some.any() else 0.0
 
@@ -166,7 +169,7 @@ class Held:
         round_ = round_ and not any(np.cross(a, axis).any() for a in axes)
         reach = max(s.reach(at[0]) for s in self.solids)
         size = np.linalg.norm(self.loads[:, :3], axis=1) * reach + np.linalg.norm(torques, axis=1)
-        turned = np.abs(torques @ axis) > MARGIN * size * np.linalg.norm(axis)
+        turned = np.abs(torques @ axis) > DIRECTION_MARGIN * size * np.linalg.norm(axis)
         return Fewest(None, "turning") if round_ and turned.any() else Fewest(1)
 
     def _no_line(self) -> bool:
@@ -175,12 +178,12 @@ class Held:
         if not self.friction or self.torsion or any(p is None for p in own):
             return False
         parts = SurfaceParts.joined([replace(p, solid=p.solid + k) for k, p in enumerate(own) if p is not None])
-        for _ in range(CUTS):
+        for _ in range(SURFACE_HALVINGS):
             parts = parts[self._against(parts)]
             parts = parts[~hidden(parts, self.solids)]
-            if 0 < len(parts) <= PARTS:
+            if 0 < len(parts) <= SURFACE_PARTS:
                 parts = parts[_meets(*self._lines(parts))]
-            if not 0 < len(parts) <= PARTS:
+            if not 0 < len(parts) <= SURFACE_PARTS:
                 break
             parts = parts.halves(self.center)
         return not len(parts)
@@ -193,9 +196,11 @@ class Held:
         middle, reach = parts.balls()
         way = middle - self.center
         far = np.linalg.norm(way, axis=1)
-        within = np.where(reach < far, np.arcsin(np.minimum(reach / np.maximum(far, 1e-300), 1.0)), np.pi) + MARGIN
+        within = (
+            np.where(reach < far, np.arcsin(np.minimum(reach / np.maximum(far, 1e-300), 1.0)), np.pi) + DIRECTION_MARGIN
+        )
         axis, half = parts.cones()
-        pushed = np.minimum(half + np.arctan(self.friction) + MARGIN, np.pi)
+        pushed = np.minimum(half + np.arctan(self.friction) + DIRECTION_MARGIN, np.pi)
         miss = np.stack([angle(sign * way, -axis) for sign in (1, -1)], axis=1) - (within + pushed)[:, None]
         return way / np.maximum(far, 1e-300)[:, None], within, -axis, pushed, miss
 
@@ -253,7 +258,7 @@ def _axis(s: ConvexSolid) -> Array | None:
 
 # --- files ------------------------------------------------------------------------------------------
 
-WHY = {
+FEWEST_REASONS = {
     "opposed": "loads of both signs need more contacts than the directions that these span",
     "line": "two point contacts hold a weight from every side only along a line through the centre of mass that is "
     "within both friction cones, and there is no such line",
@@ -264,7 +269,7 @@ WHY = {
 
 def words(fewest: Fewest) -> str:
     """What is shown of an object, in one sentence without a full stop."""
-    why = f": {WHY[fewest.reason]}" if fewest.reason else ""
+    why = f": {FEWEST_REASONS[fewest.reason]}" if fewest.reason else ""
     if fewest.contacts is None:
         return f"no number of contacts on its surface can hold{why}"
     most = fewest.contacts - 1
@@ -318,7 +323,9 @@ def replay_of_loads(
     found = Held((), np.zeros(3), np.array(list(loads.values())), friction, torsion=torsion).opposed(reach)
     claim = f"{contacts} contacts cannot hold {', '.join(loads)} with a friction of {friction:g}"
     refused = "" if contacts < few <= found.most + 1 else f"shown is only that it takes {found.most + 1:g}"
-    return Replay("balance", claim + (f": {WHY[found.reason]}" if found.reason else ""), refused, {"contacts": few})
+    return Replay(
+        "balance", claim + (f": {FEWEST_REASONS[found.reason]}" if found.reason else ""), refused, {"contacts": few}
+    )
 
 
 def to_json(held: Held, names: Sequence[str], thing: str, fewest: Fewest) -> dict[str, Any]:

@@ -14,14 +14,14 @@ import numpy as np
 from flint import fmpq
 from numpy.typing import NDArray
 
-from handfast.proofs.strict_json import LARGEST as LARGEST
+from handfast.proofs.strict_json import MAX_JSON_NUMBER as MAX_JSON_NUMBER
 from handfast.proofs.strict_json import BadFile as BadFile
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
+EQUALITY_TOLERANCE = 1e-9  # relative, or absolute below 1: two numbers that say the same
 _NEEDED: Any = object()
 
 
@@ -76,7 +76,7 @@ class Fields:
             raise BadFile(f"is {value!r}; true or false is needed", self.at(name))
         return value
 
-    def number(self, name: str, default: Any = _NEEDED, least: float = -LARGEST) -> float:
+    def number(self, name: str, default: Any = _NEEDED, least: float = -MAX_JSON_NUMBER) -> float:
         """A finite number, at least `least`."""
         return number(self.take(name, default), self.at(name), least)
 
@@ -129,12 +129,12 @@ class Fields:
         return {column: [row[column] for row, _ in rows] for column in columns}
 
 
-def number(value: Any, field: str, least: float = -LARGEST) -> float:
+def number(value: Any, field: str, least: float = -MAX_JSON_NUMBER) -> float:
     """A finite number, no text and no truth value."""
     if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) == math.inf or value != value:
         raise BadFile(f"is {value!r}; a finite number is needed", field)
-    if abs(value) > LARGEST:  # whole numbers may be beyond all floating-point numbers
-        raise BadFile(f"is beyond {LARGEST:g}, the largest number that is possible", field)
+    if abs(value) > MAX_JSON_NUMBER:  # whole numbers may be beyond all floating-point numbers
+        raise BadFile(f"is beyond {MAX_JSON_NUMBER:g}, the largest number that is possible", field)
     if value < least:
         raise BadFile(f"is {value:g}; {least:g} or more is needed", field)
     return float(value)
@@ -153,8 +153,8 @@ def numbers(value: Any, shape: tuple[int, ...], field: str) -> Array:
         out = out.reshape([max(n, 0) for n in shape])
     if out.ndim != len(shape) or any(n not in (-1, k) for n, k in zip(shape, out.shape, strict=True)):
         raise BadFile(f"has {' x '.join(map(str, out.shape)) or 'one'} numbers; {wanted} are needed", field)
-    if not (np.abs(out) <= LARGEST).all():
-        raise BadFile(f"has a number that is not finite, or beyond {LARGEST:g}", field)
+    if not (np.abs(out) <= MAX_JSON_NUMBER).all():
+        raise BadFile(f"has a number that is not finite, or beyond {MAX_JSON_NUMBER:g}", field)
     out.flags.writeable = False
     return out
 
@@ -183,9 +183,9 @@ def refuse_unknown(name: str, known: Sequence[str], kind: str, field: str) -> No
 
 
 def same(a: Any, b: Any) -> bool:
-    """Equal JSON; numbers within `SAME`, relative, or absolute below 1."""
+    """Equal JSON; numbers within `EQUALITY_TOLERANCE`, relative, or absolute below 1."""
     if type(a) is float and type(b) is float:
-        return abs(a - b) <= SAME * max(1.0, abs(b))
+        return abs(a - b) <= EQUALITY_TOLERANCE * max(1.0, abs(b))
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
     if isinstance(a, list | tuple) and isinstance(b, list | tuple):
@@ -193,7 +193,7 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, bool) or isinstance(b, bool):
         return a is b
     if isinstance(a, float | int) and isinstance(b, float | int):
-        return bool(abs(a - b) <= SAME * max(1.0, abs(b)))
+        return bool(abs(a - b) <= EQUALITY_TOLERANCE * max(1.0, abs(b)))
     return bool(a == b)
 
 

@@ -21,16 +21,16 @@ from handfast.proofs import (
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.replay import Replay
 
-PLAN = "plan.json"
-AGAIN = "handfast verify FILE --replay"
-SETTLED = "handfast/settled/1"
+PLAN_FILE = "plan.json"
+REPLAY_COMMAND = "handfast verify FILE --replay"
+SETTLED_SCHEMA = "handfast/settled/1"
 ASK = {  # answers that keep no proof, and what asks for one
     "check": "handfast check GRASP --save",
     "max": "handfast max GRASP --save",
     "torques": "handfast torques GRASP --save",
     "hold": "handfast hold GRASP --save",
-    "map": AGAIN,
-    "sweep": AGAIN,
+    "map": REPLAY_COMMAND,
+    "sweep": REPLAY_COMMAND,
     "synthesize": "handfast synthesize TASK --save",
     "grasp": "handfast grasp TASK -o FOLDER",
     "plan": "handfast verify FOLDER, for the folder that it stands in",
@@ -44,8 +44,8 @@ def verify(data: Any, place: str = "") -> Replay:
         BadFile: it is none of the `READERS`, or a field of it is wrong.
     """
     schema, field = data.get("schema") if isinstance(data, dict) else None, f"{place}.schema" if place else "schema"
-    if schema in ("handfast/answer/1", SETTLED):
-        ask = AGAIN if schema == SETTLED else ASK.get(str(data.get("query")), "with --save")
+    if schema in ("handfast/answer/1", SETTLED_SCHEMA):
+        ask = REPLAY_COMMAND if schema == SETTLED_SCHEMA else ASK.get(str(data.get("query")), "with --save")
         raise BadFile(f"is an answer without its proof; ask again: {ask}", field)
     if not isinstance(schema, str) or schema not in READERS:
         found = "is missing" if schema is None else f"is {schema!r}"
@@ -86,7 +86,7 @@ def verify_path(path: str | Path) -> Replay:
         raise BadFile(f"cannot be read: {fault.strerror}") from None
     if not is_folder:
         return verify(read_json(path))
-    plan = Fields(read_json(path / PLAN, PLAN), PLAN)
+    plan = Fields(read_json(path / PLAN_FILE, PLAN_FILE), PLAN_FILE)
     entries = [*plan.objects("grasps", []), *plan.objects("others", [])]
     named = [(entry, "hold_file") for entry in entries]
     named += [(plan, "contacts_file")] if plan.has("contacts_file") else []

@@ -18,12 +18,12 @@ from flint import fmpq
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, exact, refuse_unknown
 
-MANY = 249  # contacts, joints, actuators, couplings at most
+MAX_GRASP_SIZE = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
-LEAST_LEVER = 1e-7  # [m] of a soft finger, torsion over friction, is above this and below its inverse
-STOPS = "", "lower", "upper", "both"
+MIN_LEVER = 1e-7  # [m] of a soft finger, torsion over friction, is above this and below its inverse
+STOP_SIDES = "", "lower", "upper", "both"
 Maps = tuple[Array, Array, Array, Array]  # G, J, twist map and twist Jacobian
-NOTHING = 1e-14  # relative: what rounding leaves of a length that is none
+LENGTH_ROUNDING = 1e-14  # relative: what rounding leaves of a length that is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class GraspData:
         joints: (l,) names. axes, origins: (l, 3). revolute: (l,) bool. moves: (m, l) bool, which joint moves which
             contact.
         friction, torque: (l,) [N m or N] dry friction of the joints, and what acts on them whatever moves.
-        stop: (l,) place in `STOPS`.
+        stop: (l,) place in `STOP_SIDES`.
         actuators: (a,) names. R: (a, l), A: (k, l) of the mechanism. tendon, backdrivable: (a,) bool.
         command: (a,) f_c [N m or N]; 0 is a locked actuator.
         start: of a step of a load's path; None where nothing has moved yet.
@@ -106,8 +106,8 @@ class GraspData:
     @cached_property
     def stops(self) -> tuple[Mask, Mask]:
         """(l,) bool each: does the joint stand at its lower stop, and at its upper one? Not where it left it before."""
-        both, there = self.stop == STOPS.index("both"), self.stops_left == 0
-        lower, upper = ((self.stop == STOPS.index(name)) & there for name in ("lower", "upper"))
+        both, there = self.stop == STOP_SIDES.index("both"), self.stops_left == 0
+        lower, upper = ((self.stop == STOP_SIDES.index(name)) & there for name in ("lower", "upper"))
         return lower | both, upper | both
 
     @property
@@ -144,7 +144,7 @@ class GraspData:
     @property
     def stop_side(self) -> Array:
         """(l,) the sense in which each joint leaves its stop: 1 at the lower one, -1 at the upper one, else 0."""
-        return np.array([0.0, 1.0, -1.0, 0.0])[self.stop]  # as `STOPS`
+        return np.array([0.0, 1.0, -1.0, 0.0])[self.stop]  # as `STOP_SIDES`
 
     @cached_property
     def stops_left(self) -> Array:
@@ -184,7 +184,7 @@ class GraspData:
         """
         r = float(np.linalg.norm(self.positions - self.centroid, axis=1).max())
         far = float(np.abs(self.positions).max())
-        if r > NOTHING * far:
+        if r > LENGTH_ROUNDING * far:
             return r
         arms = np.linalg.norm(self.positions[:, None] - self.origins[None], axis=2) * (self.moves & self.revolute)
         return float(arms.max(initial=0.0)) or far or 1.0
@@ -202,7 +202,7 @@ class GraspData:
         """
         arms, sums = (np.sqrt((x * x).sum(axis=0)) for x in (self.J, self.sizes[1]))
         turned = np.sqrt((self.twist_jacobian**2).sum(axis=0))
-        return np.where(arms > NOTHING * sums, arms, np.where(turned > 0, turned, self.joint_units))
+        return np.where(arms > LENGTH_ROUNDING * sums, arms, np.where(turned > 0, turned, self.joint_units))
 
     @cached_property
     def actuator_arms(self) -> Array:
@@ -338,8 +338,10 @@ def read_grasp(data: Any, place: str) -> GraspData:
     for name in ("name", "mass", "center_of_mass", "provenance"):
         f.take(name, None)
     contacts, joints = list(f.objects("contacts")), list(f.objects("joints", []))
-    if not 0 < len(contacts) <= MANY or len(joints) > MANY:
-        raise BadFile(f"has {len(contacts)} contacts and {len(joints)} joints; 1 to {MANY} are possible", place)
+    if not 0 < len(contacts) <= MAX_GRASP_SIZE or len(joints) > MAX_GRASP_SIZE:
+        raise BadFile(
+            f"has {len(contacts)} contacts and {len(joints)} joints; 1 to {MAX_GRASP_SIZE} are possible", place
+        )
     of_contacts = [_contact(c) for c in contacts]
     of_joints = [_joint(j, len(contacts)) for j in joints]
     names = tuple(str(j["name"]) for j in of_joints)
@@ -365,7 +367,7 @@ def read_grasp(data: Any, place: str) -> GraspData:
         moves=moves,
         friction=stacked(of_joints, "friction"),
         torque=stacked(of_joints, "torque"),
-        stop=np.array([STOPS.index(j["stop"]) for j in of_joints], dtype=np.int64),
+        stop=np.array([STOP_SIDES.index(j["stop"]) for j in of_joints], dtype=np.int64),
         actuators=actuators,
         R=R,
         A=A,
@@ -395,7 +397,7 @@ def _contact(f: Fields) -> dict[str, Any]:
     torsion = f.number("torsion", 0.0, least=0.0)
     if torsion > 0 and mu == 0:
         raise BadFile(f"is {torsion:g} where friction is 0; a soft finger needs both", f.at("torsion"))
-    if torsion > 0 and not LEAST_LEVER < torsion / mu < 1 / LEAST_LEVER:
+    if torsion > 0 and not MIN_LEVER < torsion / mu < 1 / MIN_LEVER:
         raise BadFile(f"is {torsion:g} beside a friction of {mu:g}; their ratio is a length of a hand", f.at("torsion"))
     out |= {"lever": torsion / mu if torsion > 0 else 0.0, "link": f.text("link", "")}
     f.take("depth", None)
@@ -410,7 +412,7 @@ def _joint(f: Fields, m: int) -> dict[str, Any]:
     out: dict[str, Any] = {"name": f.text("name"), "axis": _unit(f, "axis"), "origin": f.numbers("origin", (3,))}
     out |= {"moves": moves.astype(np.intp), "type": f.text("type", "revolute", among=["revolute", "prismatic"])}
     out |= {"friction": f.number("friction", 0.0, least=0.0), "torque": f.number("torque", 0.0)}
-    out["stop"] = f.text("stop", "", among=STOPS)
+    out["stop"] = f.text("stop", "", among=STOP_SIDES)
     f.done()
     return out
 
@@ -439,8 +441,10 @@ def _mechanism(f: Fields, joints: Sequence[str]) -> tuple[tuple[str, ...], Array
     A = [_row(Fields({"x": row}).named("x"), joints, f"{mech.at('couplings')}[{i}]") for i, row in enumerate(tied)]
     mech.done()
     _refuse_twice(names, mech.at("actuators"))
-    if len(names) > MANY or len(A) > MANY:
-        raise BadFile(f"has {len(names)} actuators and {len(A)} couplings; at most {MANY} are possible", mech.place)
+    if len(names) > MAX_GRASP_SIZE or len(A) > MAX_GRASP_SIZE:
+        raise BadFile(
+            f"has {len(names)} actuators and {len(A)} couplings; at most {MAX_GRASP_SIZE} are possible", mech.place
+        )
     shape = (-1, l) if l else (len(names), 0)
     flags = np.array(tendon, dtype=bool), np.array(back, dtype=bool)
     return tuple(names), np.array(R).reshape(shape), np.array(A).reshape(len(A), l), *flags

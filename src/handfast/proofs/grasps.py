@@ -25,19 +25,19 @@ from handfast.proofs.convex_solids import SolidsData
 from handfast.proofs.discarded_boxes import replay_no_grasp
 from handfast.proofs.existence import prove
 from handfast.proofs.few_contacts import replay_of_loads
-from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
+from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.motors import Motors
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
-from handfast.proofs.synthesis import COURSE, NAMES
+from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
 from handfast.proofs.tasks import TaskData, read_task
 from handfast.proofs.unbalanced import Placements, replay_unbalanced
 
 SCHEMA = "handfast/grasps/1"
-SOLIDS = "that the solids are those of hand and object"
-NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
+SOLIDS_CLAIM = "that the solids are those of hand and object"
+GRASPS_NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
 
 
 def replay_grasps(data: Any, place: str = "") -> Replay:
@@ -72,7 +72,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     if any(entry == other for k, entry in enumerate(data["grasps"]) for other in data["grasps"][:k]):
         refused = "a grasp is there twice"
     if none is not None and refused:
-        return Replay("grasps", "", refused, not_replayed=(COURSE, NAMES))
+        return Replay("grasps", "", refused, not_replayed=(SYNTHESIS_COURSE, NAMES_CLAIM))
     if none is not None:
         return _none(none, task, terms, limits, loads, center, solids, motors)
     try:
@@ -89,7 +89,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
             task.on_object, loads, terms.friction, limits, None, bound, factor, torsion=terms.torsion
         )
         parts.append(replace(part, name="bound"))
-    return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
+    return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=(GRASPS_NOT_REPLAYED,))
 
 
 def _none(
@@ -112,15 +112,15 @@ def _none(
     placements = Placements.of(task.on_object, np.array(list(loads.values())), *asked, terms.torsion)
     if f.has("fewest_contacts"):
         part = replay_of_loads(placements.count, placements.reach, loads, terms.friction, f, terms.torsion)
-        return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
+        return Replay("grasps", parts=(part,), not_replayed=(SYNTHESIS_COURSE, NAMES_CLAIM))
     if not f.has("contacts"):
         part = replay_unbalanced(task.on_object, loads, *asked, center, f, torsion=terms.torsion)
-        return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES))
+        return Replay("grasps", parts=(part,), not_replayed=(SYNTHESIS_COURSE, NAMES_CLAIM))
     if solids is None:
         raise BadFile("is missing", "question.solids")
     shapes = SolidsData.read(solids, [link.name for link in task.hand.links])
     part = replay_no_grasp(task, shapes, placements, list(loads), motors, f)
-    return Replay("grasps", parts=(part,), not_replayed=(COURSE, NAMES, SOLIDS))
+    return Replay("grasps", parts=(part,), not_replayed=(SYNTHESIS_COURSE, NAMES_CLAIM, SOLIDS_CLAIM))
 
 
 def _same_loads(said: Any, loads: Mapping[str, Array]) -> bool:
@@ -199,7 +199,7 @@ def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping
     if wrong:
         refused = refused or f"{wrong[0]} is commanded, which was not asked for"
     most = float(np.abs(grasp.command).max(initial=0.0))
-    if most > terms.command_limit * (1 + SAME):
+    if most > terms.command_limit * (1 + EQUALITY_TOLERANCE):
         refused = refused or f"commands go up to {most:g}; the limit is {terms.command_limit:g}"
     figures: dict[str, Figure] = {}
     asked = [(1.0, "", witnesses)]

@@ -23,8 +23,8 @@ from handfast.proofs.question import TORQUES, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 
 SCHEMA = "handfast/hold/1"
-NOT_REPLAYED = "hardest, stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
-KEYS = ("schema", "query", "verdict", "stop", "seconds", "nodes", "loads", "preload", "lower", "upper", "hardest")
+HOLD_NOT_REPLAYED = "hardest, stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
+HOLD_KEYS = ("schema", "query", "verdict", "stop", "seconds", "nodes", "loads", "preload", "lower", "upper", "hardest")
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ def replay(saved: SavedHold) -> Replay:
         _compare(saved)
     except Refused as fault:
         reason = f"answer: {fault}"
-    return Replay("hold", _claim(saved), reason, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
+    return Replay("hold", _claim(saved), reason, parts=tuple(parts), not_replayed=(HOLD_NOT_REPLAYED,))
 
 
 def _replayed(answer: SavedAnswer, name: str) -> Replay:
@@ -276,7 +276,7 @@ def _compare(saved: SavedHold) -> None:
     said = saved.said
     loads = {name: load.tolist() for name, load in saved.loads.items()}
     of_margins = margins_json({name: _bounds(a) for name, a in saved.margins.items()}) if saved.margins else {}
-    keys = *KEYS, *of_margins, *(["loading"] if saved.along else [])
+    keys = *HOLD_KEYS, *of_margins, *(["loading"] if saved.along else [])
     if set(said) - {"residuals", "exact"} != set(keys):
         raise Refused(f"has other keys than {', '.join(keys)}")
     if said["loads"] != loads:

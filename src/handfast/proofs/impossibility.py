@@ -27,14 +27,14 @@ import numpy as np
 
 from handfast.proofs.contact_equations import Sides
 from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.intervals import TINY, ULP, Dual, Interval, dot, join, sqr, sqrt
+from handfast.proofs.intervals import MACHINE_EPSILON, UNDERFLOW_BOUND, Dual, Interval, dot, join, sqr, sqrt
 from handfast.proofs.tasks import TaskData
 
-BOXES = 20_000  # that are looked at before the question is left open
-BATCH = 64  # boxes that are looked at together
-LARGE = 2_000  # derivatives of all conditions, beyond which boxes and batches are fewer
-FINEST = 1e-6  # of the whole: a box with no longer side could be halved for ever
-MORE = 1 + 1e-9  # over the rounding of a bound
+REFUTATION_BOXES = 20_000  # that are looked at before the question is left open
+REFUTATION_BATCH = 64  # boxes that are looked at together
+MANY_DERIVATIVES = 2_000  # derivatives of all conditions, beyond which boxes and batches are fewer
+MIN_BOX_SHARE = 1e-6  # of the whole: a box with no longer side could be halved for ever
+BOUND_INFLATION = 1 + 1e-9  # over the rounding of a bound
 CONE_ROUNDING = 1e-9  # more than the rounding of a cone about the bounds of an axis
 
 
@@ -53,7 +53,9 @@ class Impossibility:
     discarded: float
 
 
-def impossible(task: TaskData, contacts: Sequence[int], *, origin: bool = False, boxes: int = BOXES) -> Impossibility:
+def impossible(
+    task: TaskData, contacts: Sequence[int], *, origin: bool = False, boxes: int = REFUTATION_BOXES
+) -> Impossibility:
     """Can it be shown that these contacts of the task, and the bounds of the object's origin, exclude each other?
 
     Raises:
@@ -67,8 +69,8 @@ def impossible(task: TaskData, contacts: Sequence[int], *, origin: bool = False,
         count = sum(index.shape[1] for index in (conditions.two, conditions.directed, conditions.line))
         if not count:
             return Impossibility(False, 0, 0.0)  # a contact alone excludes nothing
-        more = max(1.0, len(whole) * count / LARGE)
-        boxes, batch = int(boxes / more), max(1, int(BATCH / more))
+        more = max(1.0, len(whole) * count / MANY_DERIVATIVES)
+        boxes, batch = int(boxes / more), max(1, int(REFUTATION_BATCH / more))
         while stack and seen < boxes:
             part = np.array(stack[-batch:])
             shares = share[-batch:]
@@ -76,7 +78,7 @@ def impossible(task: TaskData, contacts: Sequence[int], *, origin: bool = False,
             seen += len(part)
             alive, part, reach = conditions.narrowed(part)
             sides = np.ptp(part, axis=2) / np.where(whole > 0, whole, 1.0)
-            if (sides[alive] <= FINEST).all(axis=1).any():
+            if (sides[alive] <= MIN_BOX_SHARE).all(axis=1).any():
                 return Impossibility(False, seen, discarded)
             # the side that changes a condition most; where that is not known, the longest one
             cut = np.where(np.isfinite(reach), reach, sides[..., None]).max(axis=2).argmax(axis=1)
@@ -168,7 +170,7 @@ class Conditions:
         x = Interval.between(self.root[None, :, 0], self.root[None, :, 1])
         on_hand, _ = self.sides.on_hand(x, 0)
         away, out = (sqrt(sqr(y.value).sum()).hi for y in (on_hand, self.sides.object.at(x).point))
-        far, root = (away + out + np.abs(self.sides.radius[:, 0])).min() * MORE, self.root.copy()
+        far, root = (away + out + np.abs(self.sides.radius[:, 0])).min() * BOUND_INFLATION, self.root.copy()
         root[self.place] = np.clip(root[self.place], -far, far)
         return replace(self, root=root, size=max(float(away.max()), 1e-6))
 
@@ -211,8 +213,8 @@ class Conditions:
         (a, b), (k, at) = self.directed, self.line
         most = [
             np.zeros((len(box), self.two.shape[1])),
-            np.tile(2 * np.sin(np.minimum(self.half[a] + self.half[b], np.pi) / 2) * MORE, (len(box), 1)),
-            2 * np.sin(self.half[k] / 2) * length.hi[:, at] * MORE,
+            np.tile(2 * np.sin(np.minimum(self.half[a] + self.half[b], np.pi) / 2) * BOUND_INFLATION, (len(box), 1)),
+            2 * np.sin(self.half[k] / 2) * length.hi[:, at] * BOUND_INFLATION,
         ]
         possible = ~((q.lo > self.limits[:, 1]) | (q.hi < self.limits[:, 0])).any(axis=1)
         return _ConditionValues(value, here.value, middle, np.concatenate(most, axis=1), np.asarray(possible))
@@ -254,7 +256,7 @@ def narrowed_by(
     away = Interval.between(box[..., 0], box[..., 1]) - at
     by = slope * away[..., None]
     total = by.ends.sum(axis=1)
-    loss = (by.mag.sum(axis=1) * ((box.shape[1] + 4) * ULP) + TINY)[..., None]
+    loss = (by.mag.sum(axis=1) * ((box.shape[1] + 4) * MACHINE_EPSILON) + UNDERFLOW_BOUND)[..., None]
     linear = middle + Interval(total + loss)
     low, high = np.fmax(value.lo, linear.lo), np.fmin(value.hi, linear.hi)
     alive = ~((low > within.hi) | (high < within.lo)).any(axis=1)

@@ -24,12 +24,12 @@ import numpy as np
 
 from handfast.proofs.fields import Array, Integers, Mask
 
-ULP = 2.0**-52  # twice the relative error of one rounded operation
-TINY = 1e-290  # more than underflow can lose; not smaller, as subnormal numbers are slow
+MACHINE_EPSILON = 2.0**-52  # twice the relative error of one rounded operation
+UNDERFLOW_BOUND = 1e-290  # more than underflow can lose; not smaller, as subnormal numbers are slow
 LIBM = 4  # units in the last place by which a sine or cosine may be wrong
-FAR = 1e5  # [rad] an angle beyond this may have any sine
-TURN = 2 * math.pi
-NEAR = 1e-9  # of a turn: more than the rounding of an angle below FAR in turns
+MAX_SINE_ANGLE = 1e5  # [rad] an angle beyond this may have any sine
+TURN_RADIANS = 2 * math.pi
+TURN_ROUNDING = 1e-9  # of a turn: more than the rounding of an angle below FAR in turns
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -152,7 +152,9 @@ class Interval:
         (a, ra), (b, rb) = _ball(self), _ball(_interval(other))
         k, size = a.shape[-1], np.abs(b)
         # |fl(a b) - a b| <= k ULP |a| |b|; the factor covers every rounding of the radius itself
-        radius = (np.abs(a) @ (rb + (k + 2) * ULP * size) + ra @ (size + rb)) * (1 + (k + 16) * ULP) + TINY
+        radius = (np.abs(a) @ (rb + (k + 2) * MACHINE_EPSILON * size) + ra @ (size + rb)) * (
+            1 + (k + 16) * MACHINE_EPSILON
+        ) + UNDERFLOW_BOUND
         return Interval.around(a @ b, radius)
 
     def __rmatmul__(self, other: Array) -> Interval:
@@ -160,7 +162,7 @@ class Interval:
 
     def sum(self) -> Interval:
         """Over the last axis."""
-        slack = np.abs(self.ends).sum(axis=-2) * ((self.ends.shape[-2] + 2) * ULP) + TINY
+        slack = np.abs(self.ends).sum(axis=-2) * ((self.ends.shape[-2] + 2) * MACHINE_EPSILON) + UNDERFLOW_BOUND
         return Interval(self.ends.sum(axis=-2) + slack)
 
 
@@ -336,8 +338,8 @@ def _pair(lower: Array, upper: Array) -> Array:
 def _up(ends: Array) -> Interval:
     """Ends that were rounded once, moved out by more than that rounding and their own."""
     slack = np.abs(ends)
-    slack *= 2 * ULP
-    slack += TINY
+    slack *= 2 * MACHINE_EPSILON
+    slack += UNDERFLOW_BOUND
     slack += ends
     return Interval(slack)
 
@@ -358,15 +360,15 @@ def _ball(x: Interval) -> tuple[Array, Array]:
 
 def _wave(x: Interval, function: Callable[[float], float], crest: float) -> Interval:
     """Sine or cosine: the values at the ends, and 1 or -1 where a crest or a trough may lie between."""
-    near = x.mag <= FAR
+    near = x.mag <= MAX_SINE_ANGLE
     first, last = np.where(near, x.lo, 0.0), np.where(near, x.hi, 0.0)
     at_lo, at_hi = (np.array(list(map(function, e.ravel().tolist()))).reshape(x.shape) for e in (first, last))
     lo, hi = np.minimum(at_lo, at_hi), np.maximum(at_lo, at_hi)
-    slack = np.maximum(-lo, hi) * ((LIBM + 1) * ULP) + TINY  # one more for the subtraction
+    slack = np.maximum(-lo, hi) * ((LIBM + 1) * MACHINE_EPSILON) + UNDERFLOW_BOUND  # one more for the subtraction
 
     def passes(peak: float) -> Mask:
         """May the interval contain `peak`, up to full turns?"""
-        before, after = (first - peak) / TURN - NEAR, (last - peak) / TURN + NEAR
+        before, after = (first - peak) / TURN_RADIANS - TURN_ROUNDING, (last - peak) / TURN_RADIANS + TURN_ROUNDING
         return np.asarray(np.floor(after) >= np.ceil(before)) | ~near
 
     lo = np.where(passes(crest + math.pi), -1.0, np.maximum(lo - slack, -1.0))

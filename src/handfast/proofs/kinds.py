@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-TURN = 2**24  # directions in a full turn
-WIDER = 2.0**-40  # relative; rows of the cone, and bounds on |d_t|, give way by as much: see `rows.row_values`
+TURN_DIRECTIONS = 2**24  # directions in a full turn
+CONE_WIDENING = 2.0**-40  # relative; rows of the cone, and bounds on |d_t|, give way by as much: see `rows.row_values`
 
 
 class ContactState(IntEnum):

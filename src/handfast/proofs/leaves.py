@@ -38,17 +38,20 @@ from functools import cached_property, lru_cache
 import numpy as np
 from flint import fmpq_mat
 
-from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
+from handfast.proofs.equations import ENTRY_ROUNDING, Equations, RightSide, power_near
 from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, rational, rationals, rounded
 from handfast.proofs.grasp import GraspData
-from handfast.proofs.rows import UNIT
+from handfast.proofs.rows import UNIT_ROUNDOFF
 from handfast.proofs.structural_rank import as_bits, fewer_columns, fewer_rows, fewest_lines
 
 # relative: multipliers below the first are taken for 0, as they are most often rounding of a solver; where that shows
 # nothing, those below the second
-NEGLIGIBLE = (1e-11, 1e-13)
-RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
-ABOVE = 1 + 1e-9  # rounds sums of bounds up
+WEIGHT_CUTOFFS = (1e-11, 1e-13)
+PIVOT_TOLERANCE, COARSE_PIVOTS = (
+    1e-9,
+    (1e-6, 1e-4),
+)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
+SUM_INFLATION = 1 + 1e-9  # rounds sums of bounds up
 CHUNK = 128  # systems inverted at a time
 
 
@@ -129,7 +132,7 @@ class LeafSystems:
         self.which = rows.which
         self.b, self.h = rows.right / self.unit, side.h / q.unit
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
-        self.error = ROUNDED + 4 * terms * UNIT
+        self.error = ENTRY_ROUNDING + 4 * terms * UNIT_ROUNDOFF
 
         self.touches, self.stated = size > 0, rows.y * self.unit[self.which]
         self.rest = rest = self._summed(self.stated[:, None] * self.F[self.which])
@@ -139,9 +142,9 @@ class LeafSystems:
         self.own_h[solved] = 0.0
         v[alone] = self.own_h - (q.inverse.T @ (self.E.T @ self.own_h))
         self.stated_v = v - (rest + v @ self.E) @ q.inverse  # once more for what rounding left
-        self._use(self.stated_v, NEGLIGIBLE[0])
+        self._use(self.stated_v, WEIGHT_CUTOFFS[0])
 
-    def _use(self, v: Array, negligible: float = NEGLIGIBLE[1]) -> None:
+    def _use(self, v: Array, negligible: float = WEIGHT_CUTOFFS[1]) -> None:
         """Take v (L, p) as the multipliers of equalities, and those that are not negligible as what is used."""
         closed, size = ~self.rows.zero, np.abs(v)
         E_touches = self.E_touches.astype(float)
@@ -213,7 +216,7 @@ class LeafSystems:
         gap = np.abs(self.equations.grasp.gaps).max(initial=0.0)
         if not quick and not (margins > 0).all():
             self._use(self.stated_v)
-        for least, again in ((RANK, False), (RANK, True), *((x, True) for x in COARSE)):
+        for least, again in ((PIVOT_TOLERANCE, False), (PIVOT_TOLERANCE, True), *((x, True) for x in COARSE_PIVOTS)):
             failed = np.flatnonzero(~(margins > 0))
             if quick or not len(failed):
                 break
@@ -433,7 +436,7 @@ class LeafSystems:
         y, v = w[:R], w[R:-1].reshape(L, p)
         rest = self._summed(y[:, None] * self.F[self.which]) + v @ self.E
         sizes = self._summed(np.abs(y) * self.largest[self.which]) + np.abs(v) @ self.E_largest
-        bound = self.error * sizes * ABOVE + 1e-300
+        bound = self.error * sizes * SUM_INFLATION + 1e-300
         change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
         for square in squares:
             change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
@@ -447,16 +450,16 @@ class LeafSystems:
         change_v[:, solved] = self._summed(change_y[:, None] * size_in) + self.error * size[:, solved]
         terms = self._summed(np.abs(y * b)) + size @ np.abs(self.h)
         value = self._summed(y * b) + v @ self.h - self.error * terms
-        value -= (self._summed(change_y * np.abs(b)) + change_v @ np.abs(self.h)) * ABOVE
+        value -= (self._summed(change_y * np.abs(b)) + change_v @ np.abs(self.h)) * SUM_INFLATION
         motions = self.rows.value[:, self.equations.columns.n + self.equations.of_contacts][self.which]
         row_unit = self.unit[self.which]
-        pairs = ((y, motions), (change_y + 16 * UNIT * np.abs(y) * self.count[self.leaf], np.abs(motions)))
+        pairs = ((y, motions), (change_y + 16 * UNIT_ROUNDOFF * np.abs(y) * self.count[self.leaf], np.abs(motions)))
         z = [self._summed((x / row_unit)[:, None] * each) for x, each in pairs]
         slack, grows = self.side.costs(self.equations, v / unit, change_v / unit, *z)
         first = self.rows.first
         pushes = self._summed(np.where(first, y - change_y, 0.0) / row_unit) * (1 - 1e-9)
         energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / row_unit) * self.side.energy
-        value -= (slack + energy) * ABOVE + self.side.grown(grows, pushes)
+        value -= (slack + energy) * SUM_INFLATION + self.side.grown(grows, pushes)
         margins = np.where(terms > 0, value / np.maximum(terms, 1e-300), -np.inf)
         return np.where(sound & np.isfinite(margins), margins, -np.inf)
 
@@ -490,8 +493,8 @@ class Square:
         off[:, diagonal, diagonal] -= 1.0
         off = np.abs(off)
         largest = np.maximum(np.concatenate([systems.largest, systems.E_largest, [1.0]]), 1.0)[row]
-        rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * ABOVE
-        self._rows = (off.sum(axis=2) * ABOVE + rounding).max(axis=1, initial=0.0)
+        rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * SUM_INFLATION
+        self._rows = (off.sum(axis=2) * SUM_INFLATION + rounding).max(axis=1, initial=0.0)
         self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
         self.regular = self._rows < 0.5
 
@@ -510,9 +513,11 @@ class Square:
 
         With B X = 1 + D, d B = r: d = r X - d D, hence |d|_1 <= |r X|_1 / (1 - the largest row sum of |D|).
         """
-        at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
-        whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
-        return np.where(self.regular[:, None], at_most + whole[:, None] * self._columns * ABOVE, 0.0), self.regular
+        at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * SUM_INFLATION
+        whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * SUM_INFLATION
+        return np.where(
+            self.regular[:, None], at_most + whole[:, None] * self._columns * SUM_INFLATION, 0.0
+        ), self.regular
 
 
 def _turns(g: GraspData, which: Mask) -> Integers:
@@ -578,7 +583,7 @@ def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
 
 # --- in rational arithmetic, where rounding does not show it
 
-NONE = -np.inf, np.inf
+UNBOUNDED_RANGE = -np.inf, np.inf
 
 
 def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
@@ -599,7 +604,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     in_basis = np.concatenate([s.basis[own], basis_E[ties]])
     basis, others = np.flatnonzero(in_basis).tolist(), np.flatnonzero(~in_basis).tolist()
     if len(basis) != chosen.sum() or not (np.isfinite(y).all() and np.isfinite(v).all()):
-        return NONE
+        return UNBOUNDED_RANGE
     kept, rest = (q.exact_rows(s.rows.value[row], ties, np.flatnonzero(x)) for x in (chosen, alive & ~chosen))
     w = rationals(np.concatenate([y, v]))
     if basis:
@@ -607,22 +612,22 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
         try:
             found = fmpq_mat([kept[j] for j in basis]).transpose().solve(fmpq_mat(missing))
         except ZeroDivisionError:  # singular
-            return NONE
+            return UNBOUNDED_RANGE
         for place, j in enumerate(basis):
             w[j] = found[place, 0]
     free = np.concatenate([s.rows.either[own], np.ones(len(ties), dtype=bool)])
     if any(x < 0 for x, any_sign in zip(w, free, strict=True) if not any_sign):
-        return NONE
+        return UNBOUNDED_RANGE
     left = np.zeros(len(alive))
     left[alive & ~chosen] = [not_zero(dot(w, column)) for column in zip(*rest, strict=True)]
     if left[~q.reached].any():
-        return NONE
+        return UNBOUNDED_RANGE
 
     right = [*rationals(s.rows.right[row]), *(s.side.exact[k] for k in ties)]
     terms = [x * b for x, b in zip(w, right, strict=True)]
     size = sum((abs(x) for x in terms), ZERO)
     if size == 0:
-        return NONE
+        return UNBOUNDED_RANGE
     near = np.array([rounded(x) for x in w])
     multipliers, of_rows = np.zeros((1, len(s.E))), near[: len(own)]
     multipliers[0, ties] = near[len(own) :]
@@ -632,7 +637,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     pushes, energy = (of_rows @ which[own] for which in (s.rows.first, s.rows.energy))
     cost = (slack[0] + energy * s.side.energy) * (1 + 1e-9) + s.side.grown(grows, np.array([pushes * (1 - 1e-9)]))[0]
     if not np.isfinite(cost):
-        return NONE
+        return UNBOUNDED_RANGE
     value = sum(terms, ZERO) - rational(cost)
     weight = float(q.reach(left[None], np.abs(left)[None] * 1e-9)[0])
     return rounded(value / size), (max(rounded(value), 0.0) / (2 * weight) if weight > 0 else np.inf)

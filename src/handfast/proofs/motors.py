@@ -17,7 +17,7 @@ from handfast.proofs.tasks import TaskData
 
 STOP_ANGLE = 1e-3  # [rad] a joint this near to its stop stands at it: its fingertip, 0.1 m away, is within 0.1 mm
 STOP_TRAVEL = 1e-4  # [m] the same of a slide; both are less than the gap across which surfaces still touch
-MORE = 1 + 1e-9  # over the rounding of a value that is compared with a stop
+STOP_INFLATION = 1 + 1e-9  # over the rounding of a value that is compared with a stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,11 @@ class Motors:
                 sprung[j] = law.number("stiffness", 0.0) != 0
                 near = STOP_ANGLE if task.hand.revolute[j] else STOP_TRAVEL
                 for k, (end, sense) in enumerate(zip(law.take("stops", (None, None)), (1, -1), strict=True)):
-                    stops[j, k] = stops[j, k] if end is None else end + sense * (near + abs(end) * (MORE - 1)) * MORE
+                    stops[j, k] = (
+                        stops[j, k]
+                        if end is None
+                        else end + sense * (near + abs(end) * (STOP_INFLATION - 1)) * STOP_INFLATION
+                    )
         if f.has("tendons"):
             tendons = f.object("tendons")
             for name in tendons.names():

@@ -22,10 +22,13 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from handfast.proofs.fields import Array, exact, floats, not_zero
-from handfast.proofs.states import ULP, ContactMode, Modes, Part, Problem, State, reaction_ends, sense
+from handfast.proofs.states import UNIT_ROUNDOFF, ContactMode, Modes, Part, Problem, State, reaction_ends, sense
 from handfast.proofs.tolerance import EPS, WORK, motion_size
 
-BELOW, ABOVE = 1 - 1e-6, 1 + 1e-9  # what is allowed, and what is bounded, with room for the rounding of bounds
+ALLOWED_SHARE, RESIDUAL_INFLATION = (
+    1 - 1e-6,
+    1 + 1e-9,
+)  # what is allowed, and what is bounded, with room for the rounding of bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class Near:
     @property
     def shown(self) -> bool:
         """Does it hold to the tolerance?"""
-        return self.missed <= EPS * BELOW
+        return self.missed <= EPS * ALLOWED_SHARE
 
 
 def near(p: Problem, x: State) -> Near:
@@ -196,14 +199,14 @@ class _Curve:
         tangential, size = (np.sqrt((x**2).sum(axis=2)) for x in (c_t, D))
         slow, fast, strength = least_norm(D), size.max(axis=0), mu * np.abs(c_n).max(axis=0)
         speed, speed_off = _norm(D, slow)
-        rounding = 8 * ULP * (p.sin * (speed_off + np.abs(speed).max(axis=0)))
+        rounding = 8 * UNIT_ROUNDOFF * (p.sin * (speed_off + np.abs(speed).max(axis=0)))
         gap, gap_off = g.gaps + p.cos * d_n + p.sin * speed, p.sin * speed_off + rounding
-        gap_off_open = gap_off + 8 * ULP * (np.abs(d_n).max(axis=0) + np.abs(g.gaps))
+        gap_off_open = gap_off + 8 * UNIT_ROUNDOFF * (np.abs(d_n).max(axis=0) + np.abs(g.gaps))
 
         # (5): how far c_t is outside of the cone; (6), (7): c_t |d_t| + mu c_n d_t, along d_t and across
-        edge = 4 * ULP * (tangential + mu * np.abs(c_n))
+        edge = 4 * UNIT_ROUNDOFF * (tangential + mu * np.abs(c_n))
         squares = product(c_t, c_t).sum(axis=2) - mu**2 * product(c_n, c_n)
-        over = np.maximum(squares.max(axis=0), 0.0) + 8 * ULP * strength * tangential.max(axis=0)
+        over = np.maximum(squares.max(axis=0), 0.0) + 8 * UNIT_ROUNDOFF * strength * tangential.max(axis=0)
         ratio = np.where(mu * c_n.min(axis=0) > 0, over / (mu * c_n.min(axis=0)), np.inf)
         outside = np.minimum(_positive((tangential - mu * c_n + edge).max(axis=0)), ratio)
         along_d = product(c_t, D).sum(axis=2) + mu * product(c_n, speed)
@@ -211,12 +214,12 @@ class _Curve:
         across = [product(c_t[:, :, i], D[:, :, j]) - product(c_t[:, :, j], D[:, :, i]) for i, j in turns]
         aside = np.sqrt(sum(np.abs(part).max(axis=0) ** 2 for part in across))
         defect = np.hypot(np.abs(along_d).max(axis=0) + strength * speed_off, aside)
-        defect += 32 * ULP * (tangential.max(axis=0) + strength) * fast
+        defect += 32 * UNIT_ROUNDOFF * (tangential.max(axis=0) + strength) * fast
         clipped = _positive(np.maximum(-c_n.min(axis=0), c_n.max(axis=0) - p.force_limit))
         inside = (1 + mu) * clipped + np.where(mu > 0, outside, tangential.max(axis=0))
         turned = (1 + mu) * clipped + np.where(mu > 0, defect / slow, tangential.max(axis=0))
         least = least_norm(c_t)
-        radial = (np.abs(squares).max(axis=0) + 16 * ULP * strength * tangential.max(axis=0)) / least
+        radial = (np.abs(squares).max(axis=0) + 16 * UNIT_ROUNDOFF * strength * tangential.max(axis=0)) / least
         drawn = (defect + radial * fast) / least
         slides = np.abs(press + p.sin * speed).max(axis=0) + gap_off + clipped
         slips = [  # modes, by how much forces change for them, and motions at the contact
@@ -232,9 +235,9 @@ class _Curve:
             slips += [(ContactMode.SLIDES, turned, slides), (ContactMode.SLIDES, stretched, np.hypot(slides, drawn))]
         else:
             slips += [(ContactMode.RUBS, inside, slides)]
-        changes, gives = (np.array([option[i] for option in slips]) * ABOVE for i in (1, 2))
+        changes, gives = (np.array([option[i] for option in slips]) * RESIDUAL_INFLATION for i in (1, 2))
         changes, gives = (np.where(np.isfinite(x), x, np.inf) for x in (changes, gives / p.cos))
-        cost = np.where(gives <= EPS * self.F * BELOW, changes, np.inf)
+        cost = np.where(gives <= EPS * self.F * ALLOWED_SHARE, changes, np.inf)
         cost = np.where(np.isfinite(cost).any(axis=0), cost, changes + gives)
         best, every = cost.argmin(axis=0), np.arange(g.m)
         self.contact = np.array([int(option[0]) for option in slips])[best]
@@ -244,7 +247,7 @@ class _Curve:
         opens = self.contact == ContactMode.OPEN
         self.c[:, opens], self.twist[:, opens], self.c_off[opens] = 0.0, 0.0, 0.0
         bare = (mu == 0) & ~opens
-        self.c[:, bare, 1:], self.c_off[bare] = 0.0, ABOVE * clipped[bare]
+        self.c[:, bare, 1:], self.c_off[bare] = 0.0, RESIDUAL_INFLATION * clipped[bare]
 
     # --- balance
 
@@ -267,11 +270,11 @@ class _Curve:
         force = self.c_off.sum() + length(off[:, :3])
         torque = self.c_off @ arms + length(off[:, 3:6])
         work = force * length(moved[:, :3]) + torque * length(moved[:, 3:6]) + joints @ np.abs(moved[:, 6:]).max(axis=0)
-        self._fault("(1), forces", force * ABOVE)
-        self._fault("(1), torques", torque * ABOVE / g.size)
-        self._fault("(2) of joint '{}'", joints * ABOVE / g.joint_units, g.joints)
+        self._fault("(1), forces", force * RESIDUAL_INFLATION)
+        self._fault("(1), torques", torque * RESIDUAL_INFLATION / g.size)
+        self._fault("(2) of joint '{}'", joints * RESIDUAL_INFLATION / g.joint_units, g.joints)
         if p.mdp:  # without the dissipation principle no proof cites the balance of energy
-            self._fault("the work of what (1) and (2) miss", work * ABOVE / F * (EPS / WORK))
+            self._fault("the work of what (1) and (2) miss", work * RESIDUAL_INFLATION / F * (EPS / WORK))
         where = max(self.faults, key=lambda name: self.faults[name])
         modes = Modes(self.contact, np.zeros(g.m, dtype=bool), self.actuator, self.joint)
         return Near(self.faults[where], where, modes, self.changed, motion_size(g, floats(v)))

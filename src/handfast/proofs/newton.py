@@ -19,9 +19,9 @@ import numpy as np
 from flint import fmpq, fmpq_mat, fmpz_mat, nmod_mat
 
 from handfast.proofs.fields import Array, Integers, exact
-from handfast.proofs.states import ULP, ContactMode, Laws, Modes, Numbers, Part, Problem, Rows, State
+from handfast.proofs.states import UNIT_ROUNDOFF, ContactMode, Laws, Modes, Numbers, Part, Problem, Rows, State
 
-ROUNDS = 5  # for a box
+NEWTON_ROUNDS = 5  # for a box
 BITS = 320  # of balls, see `balls`
 PRIME = 2**61 - 1  # for ranks
 DEPENDENT = 1e-9  # relative: rows whose distance from those before is less than this may depend on them
@@ -163,7 +163,7 @@ class System:
             raise NotShown(f"{part} slides by so little that its direction is not known", part)
         still = np.where(np.isfinite(laws.speed), laws.speed, 1.0)
         steep = np.divide(np.abs(laws.force[:, 0]), still, out=np.zeros(len(still)), where=still > 0)
-        K_off = change + 32 * ULP * (1.0 + laws.rub * (1.0 + steep))
+        K_off = change + 32 * UNIT_ROUNDOFF * (1.0 + laws.rub * (1.0 + steep))
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
         force_off += laws.rounding(p, d)[:, None]
         phi_off = np.zeros(len(phi))
@@ -173,8 +173,8 @@ class System:
         along = np.zeros(6) if p.along is None else p.along
         load_size = np.abs(np.r_[np.abs(p.wrench) + np.abs(p.magnitude * along), g.torque])
         missing_off = unit * (size.T @ np.abs(phi) + load_size) + size.T @ phi_off
-        at_off = d_off + 4 * ULP * np.abs(rows.at)
-        above_off = force_off[e.full, 0] + 4 * ULP * np.abs(value[len(v) + len(e.kept) :])
+        at_off = d_off + 4 * UNIT_ROUNDOFF * np.abs(rows.at)
+        above_off = force_off[e.full, 0] + 4 * UNIT_ROUNDOFF * np.abs(value[len(v) + len(e.kept) :])
         value_off = np.r_[missing_off, at_off[e.kept], above_off]
         units = np.r_[g.column_units, 1.0 / g.row_units[e.kept], np.ones(len(e.full))]
         A, A_size = e.derivative(M, laws.K, along), e.derivative(size, np.abs(laws.K), np.abs(along))
@@ -285,7 +285,7 @@ class System:
             off = moved[laws.rows] @ radius + self.d_off[laws.rows]
             return laws.change(p, np.sqrt((off**2).sum(axis=1))) + self.K_off, off
 
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_ROUNDS):
             by_contact = changes(radius)[0] * (turned @ radius)
             if not np.isfinite(by_contact).all():
                 raise self.fails(True)
@@ -304,7 +304,7 @@ class System:
         s_off = float(away[-1]) if self.sought else 0.0
         phi_off[-1] = 0.0
         held, at = e.rows.held, e.rows.at
-        at_off = 2 * ULP * np.abs(at)
+        at_off = 2 * UNIT_ROUNDOFF * np.abs(at)
         d, d_off = np.where(held, at, self.d), np.where(held, at_off, d_off)
         return Box(self.v, Cv @ radius, d, d_off, self.phi, phi_off, p.magnitude, s_off)
 
@@ -322,7 +322,7 @@ def between(modes: Modes) -> str:
 
 def rounding(p: Problem) -> float:
     """At most the relative error of a sum over rows or columns, of products of numbers that were rounded before."""
-    return 4 * (sum(p.grasp.rows[0].shape) + 16) * ULP
+    return 4 * (sum(p.grasp.rows[0].shape) + 16) * UNIT_ROUNDOFF
 
 
 def _times(K: Array, x: Array) -> Array:

@@ -15,8 +15,8 @@ one of the k-th actuator that is sought:
 That is linear but for the cones, of which tangents are cited, and for the cases: contacts that are open or closed in a
 state, actuators that moved or did not. A certificate is a tree of cases with multipliers for each leaf; here they are
 summed in rational arithmetic. Which way friction pushes, and what happens between these states, is left out: so a path
-may need more than the bound. It is proved of states whose forces and motions are `REACH` times the load at most, and
-gives way in (1), (2) and (3) by `DRIFT` of the load, which is more than what steps of a path may miss and hand on.
+may need more than the bound. It is proved of states whose forces and motions are `STATE_REACH` times the load at most,
+and gives way in (1), (2) and (3) by `DRIFT` of the load, which is more than what steps of a path may miss and hand on.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ import numpy as np
 from flint import fmpq
 
 from handfast.proofs.fields import ZERO, Array, BadFile, Fields, Integers, not_zero, rational, refuse_unknown
-from handfast.proofs.kinds import WIDER
+from handfast.proofs.kinds import CONE_WIDENING
 from handfast.proofs.question import Question
-from handfast.proofs.tolerance import LEAST, load_scale
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, load_scale
 
-REACH = 1e6  # times the load: forces and motions of the states that a bound is proved of
+STATE_REACH = 1e6  # times the load: forces and motions of the states that a bound is proved of
 DRIFT = 1e-6  # relative to the load: by how much states of a path may miss (1), (2), (3), all steps together
 OPEN, CLOSED = LOCKED, MOVED = 0, 1
-UP = 1 + 1e-12  # rounds sums of bounds up
-MOST_LEAVES = 100_000
+PATH_INFLATION = 1 + 1e-12  # rounds sums of bounds up
+MAX_PATH_LEAVES = 100_000
 
 Condition = tuple[int, int] | None  # a part and its case
 
@@ -93,7 +93,7 @@ class PathCommands:
     @property
     def known(self) -> bool:
         """Is there a load, and no uncertain normal, whose gaps know how far a contact slid?"""
-        return bool(self.question.wrench.any()) and self.question.eta == 0 and self.scale > LEAST
+        return bool(self.question.wrench.any()) and self.question.eta == 0 and self.scale > MIN_FORCE_SCALE
 
     def to_json(self) -> dict[str, Any]:
         """As files have it, beside the question."""
@@ -258,7 +258,7 @@ class PathCommands:
     def tangent(self, x: int, i: int, along: Array) -> PathRow:
         """That friction of contact i in state x is in its cone: along . c_t <= mu c_n |along|; along (2,), or (3,)."""
         g = self.question.grasp
-        size = rational(g.mu[i] * float(np.linalg.norm(along)) * (1 + WIDER))
+        size = rational(g.mu[i] * float(np.linalg.norm(along)) * (1 + CONE_WIDENING))
         terms = {self.at(x, 2, 3 * i): size}
         columns = [self.at(x, 2, 3 * i + 1), self.at(x, 2, 3 * i + 2)]
         columns += [self.at(x, 3, s) for s in np.flatnonzero(g.soft == i).tolist()]
@@ -284,12 +284,12 @@ class PathCommands:
         by = sums.pop(self.measure, ZERO)
         if by < 0:
             return 0.0
-        reach = REACH * self.scale
+        reach = STATE_REACH * self.scale
         for column, v in sums.items():
             missed += abs(not_zero(v)) * reach * float(self.units[column])
         if not np.isfinite(missed):
             return 0.0
-        left = right - rational(missed * UP)
+        left = right - rational(missed * PATH_INFLATION)
         if left <= 0:
             return 0.0
         return np.inf if by == 0 else float(not_zero(left / by)) * (1 - 1e-15)
@@ -375,7 +375,7 @@ def leaf_bound(of: PathCommands, every: list[PathRow], case: dict[int, int], lea
 def read_bound(f: Fields) -> PathBound:
     """The certificate in a parsed object. Raises `BadFile`."""
     parent, part, case = (_wholes(f.numbers(name, (-1,)), f.at(name)) for name in ("parent", "part", "case"))
-    if not len(parent) == len(part) == len(case) or not 0 < len(parent) <= 2 * MOST_LEAVES:
+    if not len(parent) == len(part) == len(case) or not 0 < len(parent) <= 2 * MAX_PATH_LEAVES:
         raise BadFile("has no tree", f.place)
     leaves = []
     for leaf in f.objects("leaves"):

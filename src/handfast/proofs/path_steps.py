@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs.answers import (
-    COURSE,
-    NOT_REPLAYED,
-    NOTHING,
+    ANSWER_NOT_REPLAYED,
+    COURSE_KEYS,
+    UNPROVED_STATE,
     SavedAnswer,
     Witness,
     close,
@@ -31,10 +31,10 @@ from handfast.proofs.answers import (
     refuted,
 )
 from handfast.proofs.certificate import Certificate
-from handfast.proofs.existence import NEAR, Proved, prove
-from handfast.proofs.fields import SAME, BadFile, Fields
+from handfast.proofs.existence import FORCE_DEVIATION, Proved, prove
+from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields
 from handfast.proofs.grasp import StartData, read_start
-from handfast.proofs.path_commands import REACH, PathBound, PathCommands, read_bound, read_sought
+from handfast.proofs.path_commands import STATE_REACH, PathBound, PathCommands, read_bound, read_sought
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
@@ -42,8 +42,8 @@ from handfast.proofs.tolerance import drives, farthest, motion_size
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
-OF_PATH = "by_steps", "other_choice", "resolution"  # keys that tell of other paths
-OTHER_PATHS = f"{', '.join(OF_PATH)}: paths of other steps, and of other states where a step has several"
+PATH_KEYS = "by_steps", "other_choice", "resolution"  # keys that tell of other paths
+OTHER_PATHS = f"{', '.join(PATH_KEYS)}: paths of other steps, and of other states where a step has several"
 QUERIES = "check", "max", "torques"
 
 
@@ -128,7 +128,7 @@ def replay(saved: SavedPath) -> Replay:
             _compare(saved, before, last, own | {"motion_cap": cap}, lowest)
     except Refused as fault:
         reason = f"answer: {fault}"
-    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(OTHER_PATHS, NOT_REPLAYED))
+    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(OTHER_PATHS, ANSWER_NOT_REPLAYED))
 
 
 def _linked(saved: SavedPath, k: int, step: Step, before: Step | None) -> None:
@@ -188,7 +188,7 @@ def _state(k: int, step: Step) -> tuple[Proved, Replay]:
 
 def near_enough(p: Problem, x: State) -> float:
     """[N] how far from a step's state x the one that is proved may be for a path to go on from x: see `prove`."""
-    return NEAR * acting(p, x)
+    return FORCE_DEVIATION * acting(p, x)
 
 
 def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Replay, float | None]:
@@ -213,7 +213,7 @@ def _bounded(saved: SavedPath, sought: PathCommands) -> tuple[float, list[Replay
     lower = np.inf if saved.said["verdict"] == "slips" else saved.number("lower") or 0.0
     claim = f"no commands of {sought.words} hold the load on a path"
     claim += "" if lower == np.inf else f" below {lower:.6g}"
-    claim += f", with forces and motions up to {REACH * sought.scale:.6g} N"
+    claim += f", with forces and motions up to {STATE_REACH * sought.scale:.6g} N"
     if not lowest >= lower:
         reason = f"its cases show {lowest:.9g}, the answer says {lower:.9g}"
     return lowest, [Replay("bound", claim, reason, {"leaves": len(saved.bound.leaves), "lower": lowest})]
@@ -232,7 +232,7 @@ def _compare(
         shown |= _torques(saved, saved.sought, last, ended, lowest)
     else:
         shown |= (_check if said["query"] == "check" else _max)(saved, last, proved, ended)
-    compare(said, shown, (*COURSE, *OF_PATH))
+    compare(said, shown, (*COURSE_KEYS, *PATH_KEYS))
 
 
 def _check(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool) -> dict[str, Any]:
@@ -245,7 +245,7 @@ def _check(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bo
     if verdict == "undecided" and ended:
         raise Refused("UNDECIDED with a certificate")
     held = verdict == "holds" and last is not None and last.witness is not None and proved is not None
-    state = described(last.question.grasp, last.witness.state, proved) if held else NOTHING  # type: ignore[union-attr, arg-type]
+    state = described(last.question.grasp, last.witness.state, proved) if held else UNPROVED_STATE  # type: ignore[union-attr, arg-type]
     reached = last.magnitude if last is not None else None
     return state | {"margin": None, "reached": reached, "slips_at": saved.steps[-1].magnitude if ended else None}
 
@@ -258,7 +258,7 @@ def _max(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool
         upper = 0.0
     if (verdict == "holds") != (lower > 0) or (verdict == "slips") != (upper == 0):
         raise Refused(f"{verdict.upper()} is not what its steps show")
-    if unbounded and (ended or not lower >= _end(saved.question) * (1 - SAME)):
+    if unbounded and (ended or not lower >= _end(saved.question) * (1 - EQUALITY_TOLERANCE)):
         raise Refused("unbounded, but its path ends")
     gap = 0.0 if unbounded or upper == 0 else (upper - lower) / lower if upper is not None and lower > 0 else None
     bounds: dict[str, Any] = {"lower": lower, "upper": upper, "gap": gap, "unbounded": unbounded}
@@ -287,7 +287,7 @@ def _torques(saved: SavedPath, sought: PathCommands, last: Step | None, ended: b
     if lower is None or not 0 <= lower <= min(lowest, upper):
         raise Refused(f"a lower bound of {lower}; {min(lowest, upper):.9g} is shown")
     moved = max(motion_size(g, s.witness.state.motion) for s in saved.steps if s.witness is not None)
-    if lower > 0 and not moved <= REACH * sought.scale:
+    if lower > 0 and not moved <= STATE_REACH * sought.scale:
         raise Refused(f"its path moves by {moved:.3g} N, of which its bound says nothing")
     preload = {g.actuators[j]: float(g.command[j]) for j in sought.sought.tolist()}
     return none | {"preload": preload, "lower": lower, "upper": upper}

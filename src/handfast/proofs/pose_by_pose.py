@@ -20,21 +20,21 @@ import numpy as np
 from handfast.proofs.configurations import Bounds
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.impossibility import FINEST, Conditions, Impossibility, narrowed_by, whole
+from handfast.proofs.impossibility import MIN_BOX_SHARE, Conditions, Impossibility, narrowed_by, whole
 from handfast.proofs.intervals import Interval, join
 from handfast.proofs.tasks import TaskData
 
-BOXES = 200_000  # of single contacts that are looked at before the question is left open
-BATCH = 48  # boxes of poses that are looked at together
+SINGLE_CONTACT_BOXES = 200_000  # of single contacts that are looked at before the question is left open
+POSE_BATCH = 48  # boxes of poses that are looked at together
 OWN = 0.5  # a contact's own coordinates are halved until they change its equations by less than this share of the pose
-MOST = 48  # boxes of a contact beside one box of poses: then the pose is halved first
-ROUNDS = 6  # of halving them before it is halved, at most
-ROUNDING = 1e-12  # more than that of a cosine
-LENGTH = 0.05  # [m] that counts as much as a radian
-FLAT = 1e-12  # share of the largest that keeps the factors of a row finite
+MAX_CONTACT_BOXES = 48  # boxes of a contact beside one box of poses: then the pose is halved first
+HALVING_ROUNDS = 6  # of halving them before it is halved, at most
+COSINE_ROUNDING = 1e-12  # more than that of a cosine
+POSE_RADIAN_LENGTH = 0.05  # [m] that counts as much as a radian
+MIN_FACTOR_SHARE = 1e-12  # share of the largest that keeps the factors of a row finite
 
 
-def impossible_at_every_pose(task: TaskData, *, boxes: int = BOXES) -> Impossibility:
+def impossible_at_every_pose(task: TaskData, *, boxes: int = SINGLE_CONTACT_BOXES) -> Impossibility:
     """Can it be shown that the contacts of the task exclude each other?
 
     Raises:
@@ -44,7 +44,7 @@ def impossible_at_every_pose(task: TaskData, *, boxes: int = BOXES) -> Impossibi
         contacts, stack = _contacts(task), list(_charts(task))
         seen, discarded, narrow = 0, 0.0, np.ptp(stack[0].pose, axis=1)
         while stack and seen < boxes:
-            part, stack = stack[-BATCH:], stack[:-BATCH]
+            part, stack = stack[-POSE_BATCH:], stack[:-POSE_BATCH]
             poses = np.array([one.pose for one in part])
             reach, alive, left = np.zeros(poses.shape[:2]), np.full(len(part), True), [list(one.own) for one in part]
             for k in sorted(range(len(contacts)), key=lambda k: -contacts[k].decided):
@@ -64,7 +64,7 @@ def impossible_at_every_pose(task: TaskData, *, boxes: int = BOXES) -> Impossibi
                     discarded += one.share
                     continue
                 sides = np.ptp(poses[i], axis=1)
-                if (sides <= FINEST * np.where(narrow > 0, narrow, 1.0)).all():
+                if (sides <= MIN_BOX_SHARE * np.where(narrow > 0, narrow, 1.0)).all():
                     return Impossibility(False, seen, discarded)
                 cut = int(np.where(np.isfinite(reach[i]).all(), reach[i], sides).argmax())
                 stack += _PoseBox(poses[i], tuple(left[i]), one.share).halves(cut)
@@ -147,7 +147,7 @@ class _Contact:
             np.array([place[columns[i]] for i in outer], dtype=np.int64),
             np.array([i for i in range(len(columns)) if i not in set(outer)], dtype=np.int64),
             (1.0 + float(np.cos(task.on_hand[0].half_angle) if task.on_hand[0].ball else 0.0)) / 2,
-            np.array([LENGTH] * 3 + [1.0] * (len(equations.rows) - 3) + [np.inf, 1.0]),
+            np.array([POSE_RADIAN_LENGTH] * 3 + [1.0] * (len(equations.rows) - 3) + [np.inf, 1.0]),
         )
 
     def left(self, poses: Array, own: list[Array]) -> _Left:
@@ -155,7 +155,7 @@ class _Contact:
         owner = np.repeat(np.arange(len(poses)), [len(x) for x in own])
         work, boxes = self._within(np.concatenate(own), poses[owner]), 0
         done: list[tuple[Array, Integers, Array]] = []
-        for turn in range(ROUNDS + 1):
+        for turn in range(HALVING_ROUNDS + 1):
             if not len(work):
                 break
             boxes += len(work)
@@ -165,7 +165,11 @@ class _Contact:
             many = np.bincount(owner, minlength=len(poses))
             for _, before, _ in done:
                 many += np.bincount(before, minlength=len(poses))
-            split = (blur > OWN * reach[:, self.outer].max(axis=1)) & (many[owner] < MOST) & (turn < ROUNDS)
+            split = (
+                (blur > OWN * reach[:, self.outer].max(axis=1))
+                & (many[owner] < MAX_CONTACT_BOXES)
+                & (turn < HALVING_ROUNDS)
+            )
             done.append((work[~split], owner[~split], reach[~split][:, self.outer]))
             work, owner, reach = work[split], owner[split], reach[split]
             cut = self.inner[reach[:, self.inner].argmax(axis=1)] if len(work) else owner
@@ -214,7 +218,7 @@ class _Contact:
         turning = Interval(at.opposite.slope.ends.swapaxes(0, 1))
         slope = join([slope, (slope * factors[:, None]).sum()[..., None], turning], -1)
         tolerance = np.zeros(value.shape)
-        tolerance[:, -1] = 1.0 - self.facing + ROUNDING
+        tolerance[:, -1] = 1.0 - self.facing + COSINE_ROUNDING
         alive, kept, reach = narrowed_by(box, middle, value, here, slope, Interval.between(-tolerance, tolerance))
         inside = self.bounds.values(at)
         alive &= ~((inside.lo > self.bounds.upper) | (inside.hi < self.bounds.lower)).any(axis=1)
@@ -229,7 +233,7 @@ def _factors(value: Array, slope: Array, half: Array) -> Array:
     """
     by = slope * half[..., None]
     M = by.swapaxes(1, 2) @ by
-    M = M + FLAT * np.trace(M, axis1=1, axis2=2)[:, None, None] * np.eye(M.shape[-1])
+    M = M + MIN_FACTOR_SHARE * np.trace(M, axis1=1, axis2=2)[:, None, None] * np.eye(M.shape[-1])
     good = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(value).all(axis=1) & (np.abs(M).max(axis=(1, 2)) > 0)
     M = np.where(good[:, None, None], M, np.eye(M.shape[-1]))
     found = np.linalg.solve(M, np.where(good[:, None], value, 0.0)[..., None])[..., 0]

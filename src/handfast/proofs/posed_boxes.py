@@ -26,10 +26,10 @@ from handfast.proofs.intervals import Dual, Interval, dot, join
 from handfast.proofs.tasks import TaskData
 
 CHARTS = 4
-PALM = -1  # in place of a link: the palm frame, from which the base may move
-OBJECT = -1  # in place of a link whose solids are meant
-ROOM = 1e-9  # of a side, by which what conditions leave of it is wider than it needs to be
-TURNS = [f"turn:{i}" for i in range(3)]
+PALM_LINK = -1  # in place of a link: the palm frame, from which the base may move
+OBJECT_LINK = -1  # in place of a link whose solids are meant
+SIDE_SLACK = 1e-9  # of a side, by which what conditions leave of it is wider than it needs to be
+TURN_NAMES = [f"turn:{i}" for i in range(3)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Posed:
     """Where all is in N boxes (N, n, 2), in the first contact's link.
 
     Attributes:
-        poses: of links and `PALM`. object: the object's rotation, and where its first contact is.
+        poses: of links and `PALM_LINK`. object: the object's rotation, and where its first contact is.
         contact: (N, 3) where that is in the object's own frame. rows: (N, C) of the conditions.
         joints: (N, J) values of the moving joints.
     """
@@ -69,26 +69,26 @@ class Posed:
         return Posed(poses, self.object.some(its), *(a.some(its) for a in (self.contact, self.rows, self.joints)))
 
     def relative(self, link: int, body: int) -> Pose:
-        """The frame of a link in that of another one, or of the `OBJECT`."""
+        """The frame of a link in that of another one, or of the `OBJECT_LINK`."""
         back, at, own = *self._back(body), self.poses[link]
         place = rotated(back, own.place - at)
-        return Pose(back @ own.rotation, place + self.contact if body == OBJECT else place)
+        return Pose(back @ own.rotation, place + self.contact if body == OBJECT_LINK else place)
 
     def seen(self, link: int, body: int, points: Array) -> Dual:
-        """(N, 3) where points (N, 3) [m] of a link are in the frame of another link, or of the `OBJECT`."""
+        """(N, 3) where points (N, 3) [m] of a link are in the frame of another link, or of the `OBJECT_LINK`."""
         n = self.rows.slope.shape[0]
         back, at = self._back(body)
         out = rotated(back, self.poses[link].moved(Dual.constant(Interval.of(points), n)) - at)
-        return out + self.contact if body == OBJECT else out
+        return out + self.contact if body == OBJECT_LINK else out
 
     def axis(self, at: Pose, step: JointStep) -> tuple[Dual, Dual]:
-        """(N, 3) the direction of a joint's axis, and a point on it, of a frame `at` in that of the `OBJECT`."""
-        (back, place), (along, point) = self._back(OBJECT), step.seen(at)
+        """(N, 3) the direction of a joint's axis, and a point on it, of a frame `at` in that of the `OBJECT_LINK`."""
+        (back, place), (along, point) = self._back(OBJECT_LINK), step.seen(at)
         return rotated(back, along), rotated(back, point - place) + self.contact
 
     def _back(self, body: int) -> tuple[Dual, Dual]:
         """(N, 3, 3) into the frame of a body; (N, 3) its origin, of the object its first contact: near what matters."""
-        pose = self.object if body == OBJECT else self.poses[body]
+        pose = self.object if body == OBJECT_LINK else self.poses[body]
         return pose.rotation.swapped(), pose.place
 
 
@@ -110,9 +110,9 @@ class ContactBoxes:
     @classmethod
     def of(cls, task: TaskData) -> ContactBoxes:
         """`Refused` for couplings and limits that contradict each other, links that do not stand at rotations."""
-        sides, K = Sides.of(task, TURNS), len(task.links)
+        sides, K = Sides.of(task, TURN_NAMES), len(task.links)
         root = whole(task, sides)
-        root[[sides.column[turn] for turn in TURNS]] = -1.0, 1.0
+        root[[sides.column[turn] for turn in TURN_NAMES]] = -1.0, 1.0
         limits = task.hand.limits[list(sides.drive.joints)].reshape(-1, 2)
         facing: list[float] = [np.cos(hand.half_angle) - 1e-12 if hand.ball else 0.0 for hand in task.on_hand]
         level = 2 * sum(not hand.ball for hand in task.on_hand)
@@ -124,13 +124,13 @@ class ContactBoxes:
     @cached_property
     def turns(self) -> slice:
         """Columns of the rotation."""
-        first = self.sides.column[TURNS[0]]
+        first = self.sides.column[TURN_NAMES[0]]
         return slice(first, first + 3)
 
     @cached_property
     def placed(self) -> frozenset[int]:
         """The links whose place is known, once these contacts' joints are."""
-        return frozenset({self.task.links[0], *(e.end for e in self.edges)}) - {PALM}
+        return frozenset({self.task.links[0], *(e.end for e in self.edges)}) - {PALM_LINK}
 
     def at(self, x: Interval, charts: Integers, n: int) -> Posed:
         """Where all is at coordinates (N, m) in charts (N,), with derivatives by n of them: all, or none."""
@@ -175,7 +175,7 @@ class ContactBoxes:
         slope = Interval(over.rows.slope.ends.swapaxes(0, 1))
         alive, kept, changes = narrowed_by(box, box.mean(axis=2), value, middle.rows.value, slope, within)
         # a little wider: a bound that a half only touches would be met or missed by rounding, here or at the checker
-        room = ROOM * np.ptp(box, axis=2)
+        room = SIDE_SLACK * np.ptp(box, axis=2)
         low, high = np.maximum(box[..., 0], kept[..., 0] - room), np.minimum(box[..., 1], kept[..., 1] + room)
         return alive, np.stack([low, high], axis=2), changes
 
@@ -215,7 +215,7 @@ class ContactBoxes:
         position, axes = _bounded(self.task.position, np.inf), _bounded(self.task.axes, 1.0)
         if not (position.any() or axes.any()):
             return []
-        there = poses[PALM].inverse.then(thing)
+        there = poses[PALM_LINK].inverse.then(thing)
         place = there.place - rotated(there.rotation, contact)
         turned = [there.rotation[..., i, k][..., None] for k, i in np.argwhere(axes)]
         return [place[..., np.flatnonzero(position)], *turned]

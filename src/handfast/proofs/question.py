@@ -23,7 +23,7 @@ from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refus
 from handfast.proofs.grasp import GraspData, read_grasp, read_start
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
 
-CHECK, SMALLEST_PRELOAD, LARGEST, TORQUES = GOALS = "check", "smallest preload", "largest", "torques"
+CHECK, SMALLEST_PRELOAD, LARGEST_GOAL, TORQUES = GOALS = "check", "smallest preload", "largest", "torques"
 MAX_ETA = float(np.radians(45.0))
 Range = tuple[float, float]
 
@@ -127,7 +127,7 @@ class Question:
             return AffineLoad(self.wrench, w0, f_c, f0, given, g0)
         if self.goal == SMALLEST_PRELOAD:
             return AffineLoad(self.direction, w0, f0, f_c, g0, given)
-        if self.goal == LARGEST:
+        if self.goal == LARGEST_GOAL:
             return AffineLoad(self.wrench, self.direction, f_c, f0, given, g0)
         return AffineLoad(self.wrench, w0, f0, f0, given, g0)
 
@@ -155,7 +155,7 @@ class Question:
         return {
             CHECK: "the disturbance is not resisted" + ("" if self.grasp.start is None else " from the state before"),
             SMALLEST_PRELOAD: f"the direction is not resisted with {of} times the preload",
-            LARGEST: f"{of} times the direction is not resisted",
+            LARGEST_GOAL: f"{of} times the direction is not resisted",
             TORQUES: f"no commands of {of} suffice",
         }[self.goal]
 
@@ -176,7 +176,7 @@ def read_question(data: Any, place: str) -> Question:
         raise BadFile("is 'sum', which is for the goal 'torques'", f.at("objective"))
     wrench = f.numbers("wrench", (6,))
     direction = f.numbers("direction", (6,)) if f.has("direction") else None
-    if (direction is not None) != (goal in (SMALLEST_PRELOAD, LARGEST)):
+    if (direction is not None) != (goal in (SMALLEST_PRELOAD, LARGEST_GOAL)):
         need = "is needed" if direction is None else "has no meaning"
         raise BadFile(f"{need} where the goal is '{goal}'", f.at("direction"))
     if direction is not None and not direction.any():

@@ -17,11 +17,11 @@ import numpy as np
 from handfast.proofs.fields import Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.near import along, least_norm, near
-from handfast.proofs.question import LARGEST, SMALLEST_PRELOAD, Question, Range
+from handfast.proofs.question import LARGEST_GOAL, SMALLEST_PRELOAD, Question, Range
 from handfast.proofs.states import Problem, State, read_state
-from handfast.proofs.tolerance import EPS, LEAST, TOO_SMALL, load_scale
+from handfast.proofs.tolerance import EPS, MIN_FORCE_SCALE, TOO_SMALL, load_scale
 
-DEGREE = 12  # at most
+MAX_ARC_DEGREE = 12  # at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ class Arc:
     def __post_init__(self) -> None:
         if not 0 <= self.first < self.last < np.inf:
             raise BadFile(f"goes from {self.first:g} to {self.last:g}; a range of magnitudes is needed", "arc")
-        if not 2 <= len(self.controls) <= DEGREE + 1:
-            raise BadFile(f"has {len(self.controls)} controls; 2 to {DEGREE + 1} are possible", "arc")
+        if not 2 <= len(self.controls) <= MAX_ARC_DEGREE + 1:
+            raise BadFile(f"has {len(self.controls)} controls; 2 to {MAX_ARC_DEGREE + 1} are possible", "arc")
 
     def table(self, name: str) -> Array:
         """(k+1, n) one of the unknowns, control by control."""
@@ -75,15 +75,15 @@ def replayed(q: Question, arc: Arc) -> tuple[str, float]:
     x, s = {f.name: arc.table(f.name) for f in fields(State)}, np.linspace(arc.first, arc.last, len(arc.controls))
     given = [q.wrench + arc.first * q.direction, q.grasp.command, q.grasp.torque, q.grasp.friction]
     if len(s) == 2 and not any(part.any() for part in (*given, *(table[0] for table in x.values()))):
-        if not p.scale >= LEAST:
+        if not p.scale >= MIN_FORCE_SCALE:
             return TOO_SMALL, np.inf
         found = near(p, arc.controls[-1])
     else:
         F = least_scale(q.grasp, q.wrench + s[:, None] * q.direction)
-        if not F >= LEAST:
+        if not F >= MIN_FORCE_SCALE:
             return f"there may be no load from {arc.first:.6g} to {arc.last:.6g}", np.inf
         found = along(p, s, x, F)
-    if found.shown and q.goal in (LARGEST, SMALLEST_PRELOAD):
+    if found.shown and q.goal in (LARGEST_GOAL, SMALLEST_PRELOAD):
         return "", found.missed
     reason = f"{found.where} is missed by {found.missed:.1e} of load and commands, above {EPS:g}"
     return f"states from {arc.first:.6g} to {arc.last:.6g}: {reason}", found.missed

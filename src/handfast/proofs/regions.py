@@ -16,12 +16,12 @@ import numpy as np
 from handfast.proofs.fields import Array, BadFile, Fields, Integers
 from handfast.proofs.intervals import Dual, Interval, columns, cos, cross, join, orthonormal, sin, unit
 
-ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
-DEGREE = 100  # of a patch, at most
-NARROW = 9  # degree of a patch, above which parts of it are not worked out: their weights are many
-PARTS = 3  # that a box is cut into along each of a region's two parameters, to be narrow
-AROUND = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
-TURN = 2 * pi * (1 + 1e-12)  # [rad] a full turn, with room for a file's rounding
+DERIVATIVE_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
+MAX_PATCH_DEGREE = 100  # of a patch, at most
+MAX_NARROWED_DEGREE = 9  # degree of a patch, above which parts of it are not worked out: their weights are many
+REGION_PARTS = 3  # that a box is cut into along each of a region's two parameters, to be narrow
+PARAMETER_RANGE = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
+PADDED_TURN = 2 * pi * (1 + 1e-12)  # [rad] a full turn, with room for a file's rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +105,10 @@ class ContactSide:
     def over(self, x: Interval) -> Surface:
         """The same, made to be narrow over boxes and not at points; each contact has parameters.
 
-        The box of each contact's own two parameters is cut into `PARTS` by `PARTS`. As `at` with a patch of a degree
-        above `NARROW`.
+        The box of each contact's own two parameters is cut into `REGION_PARTS` by `REGION_PARTS`. As `at` with a patch
+        of a degree above `MAX_NARROWED_DEGREE`.
         """
-        if any(isinstance(part, _Patches) and max(part.degrees) > NARROW for part, _ in self.parts):
+        if any(isinstance(part, _Patches) and max(part.degrees) > MAX_NARROWED_DEGREE for part, _ in self.parts):
             return self.at(x)
         own, where = self._own(x)
         found = self._cut(own)
@@ -130,10 +130,10 @@ class ContactSide:
 
     def _cut(self, x: Interval) -> Surface:
         """As `over`, of boxes whatever they share."""
-        cuts = x.lo[:, None] + (x.hi - x.lo)[:, None] * (np.arange(1, PARTS)[:, None] / PARTS)
+        cuts = x.lo[:, None] + (x.hi - x.lo)[:, None] * (np.arange(1, REGION_PARTS)[:, None] / REGION_PARTS)
         cuts = np.clip(np.concatenate([x.lo[:, None], cuts, x.hi[:, None]], axis=1), x.lo[:, None], x.hi[:, None])
-        first, second = (a.ravel() for a in np.meshgrid(*[np.arange(PARTS)] * 2, indexing="ij"))
-        which = np.zeros((PARTS**2, x.shape[1]), dtype=np.int64)
+        first, second = (a.ravel() for a in np.meshgrid(*[np.arange(REGION_PARTS)] * 2, indexing="ij"))
+        which = np.zeros((REGION_PARTS**2, x.shape[1]), dtype=np.int64)
         which[:, self.columns[:, 0]], which[:, self.columns[:, 1]] = first[:, None], second[:, None]
         n = np.arange(x.shape[1])
         parts = Interval.between(cuts[:, which, n], cuts[:, which + 1, n])  # (N, PARTS^2, n)
@@ -243,7 +243,7 @@ class _CylinderSides:
         out |= cls.read_radii(f)
         for name in ("angles", "heights"):
             lo, hi = out[name] = f.numbers(name, (2,))
-            if not lo < hi or (name == "angles" and not hi - lo <= TURN):
+            if not lo < hi or (name == "angles" and not hi - lo <= PADDED_TURN):
                 raise BadFile(f"is [{lo:g}, {hi:g}]; the lower one first, at most a full turn", f.at(name))
         return out
 
@@ -311,9 +311,12 @@ class _Patches:
     @classmethod
     def read(cls, f: Fields) -> dict[str, Array]:
         points = f.numbers("bezier", (-1, -1, 3))
-        if not all(2 <= n <= DEGREE + 1 for n in points.shape[:2]):
+        if not all(2 <= n <= MAX_PATCH_DEGREE + 1 for n in points.shape[:2]):
             shape = " x ".join(map(str, points.shape[:2]))
-            raise BadFile(f"has {shape} points; 2 x 2 to {DEGREE + 1} x {DEGREE + 1} are possible", f.at("bezier"))
+            raise BadFile(
+                f"has {shape} points; 2 x 2 to {MAX_PATCH_DEGREE + 1} x {MAX_PATCH_DEGREE + 1} are possible",
+                f.at("bezier"),
+            )
         return {"bezier": points}
 
     @classmethod
@@ -323,7 +326,7 @@ class _Patches:
         size = max(I, J)
         filled, base = np.zeros((P, 6, size, size, 3, 2)), np.zeros((P, 6, 3))
         derived = {(0, 0): Interval.of(points)}
-        for n, (du, dv) in enumerate(ORDERS):
+        for n, (du, dv) in enumerate(DERIVATIVE_ORDERS):
             if du:
                 a = derived[du - 1, dv]
                 derived[du, dv] = (a[:, 1:] - a[:, :-1]) * float(I - du)
@@ -343,7 +346,7 @@ class _Patches:
         which = np.arange(2)[:, None, None]
         weight = Interval(u.ends[which, :, :, self.up]) * Interval(v.ends[which, :, :, self.down])
         weight = weight * self.binomials  # (2, 3, I, N, P)
-        du, dv = (list(order) for order in zip(*ORDERS, strict=True))
+        du, dv = (list(order) for order in zip(*DERIVATIVE_ORDERS, strict=True))
         both = weight[0][du][:, :, None] * weight[1][dv][:, None]  # (6, I, J, N, P)
         both = Interval(np.moveaxis(both.ends.reshape(6, -1, *both.ends.shape[3:]), (2, 3), (0, 1)))  # (N, P, 6, I * J)
         return self._surface((both[:, :, :, None] @ self.points)[..., 0, :] + self.base)
@@ -355,7 +358,7 @@ class _Patches:
         blossoms = _blossoms(lo, hi, size - 1)
         N, P = lo.shape[1:]
         ends = np.zeros((N, P, 6, 3, 2))
-        for n, orders in enumerate(ORDERS):
+        for n, orders in enumerate(DERIVATIVE_ORDERS):
             I, J = (max(degree - less + 1, 0) for degree, less in zip(self.degrees, orders, strict=True))
             if not I * J:
                 continue
@@ -405,7 +408,9 @@ def read_region(f: Fields) -> RegionData:
     inner.done()
     f.done()
     ball = kind == "cap"
-    ends = [[0.0, float(numbers["half_angle"])], [-AROUND, AROUND]] if ball else [[0.0, 1.0], [0.0, 1.0]]
+    ends = (
+        [[0.0, float(numbers["half_angle"])], [-PARAMETER_RANGE, PARAMETER_RANGE]] if ball else [[0.0, 1.0], [0.0, 1.0]]
+    )
     return RegionData(kind, numbers, sign, ball, np.array(ends))
 
 

@@ -19,7 +19,7 @@ from handfast.proofs.cases import (
     ABOVE,
     BELOW,
     CLOSED,
-    HALF,
+    HALF_TURN,
     HIGH,
     LOCKED,
     LOW,
@@ -31,24 +31,26 @@ from handfast.proofs.cases import (
     patch,
 )
 from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.kinds import TURN, WIDER, Row
-from handfast.proofs.question import LARGEST, TORQUES, Question, Range
+from handfast.proofs.kinds import CONE_WIDENING, TURN_DIRECTIONS, Row
+from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, Range
 from handfast.proofs.tolerance import EPS, load_scale
 
-WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a turn, it would say nothing
-UNIT = 2.0**-53  # relative error of one rounded operation
+MAX_CHORD_SECTOR = (
+    HALF_TURN - TURN_DIRECTIONS // 128
+)  # of a sector whose chord is used: nearly half a turn, it would say nothing
+UNIT_ROUNDOFF = 2.0**-53  # relative error of one rounded operation
 
-KINDS = frozenset(int(row) for row in Row)
-OF_CONTACT = np.isin(np.arange(32), [k for k in KINDS if k <= Row.STILL_2_DOWN or Row.ENERGY < k < Row.S_DOWN])
+ROW_KINDS = frozenset(int(row) for row in Row)
+OF_CONTACT = np.isin(np.arange(32), [k for k in ROW_KINDS if k <= Row.STILL_2_DOWN or Row.ENERGY < k < Row.S_DOWN])
 OF_ACTUATOR = np.isin(np.arange(32), [*range(Row.T_UP, Row.BOUND_UP), Row.S_DOWN])
 STILL_ACTUATORS = LOCKED, HIGH, LOW  # t = 0
-IS_KIND = np.isin(np.arange(32), list(KINDS))
+IS_KIND = np.isin(np.arange(32), list(ROW_KINDS))
 
 
 def directions(k: Integers) -> Array:
     """(n, 2) the vectors U_k = (cos, sin)(2 pi k / 2^24) as floats; quarter turns rotate them exactly."""
-    quarter, rest = np.divmod(np.mod(k, TURN), TURN // 4)
-    x, y = np.cos(rest * (2 * np.pi / TURN)), np.sin(rest * (2 * np.pi / TURN))
+    quarter, rest = np.divmod(np.mod(k, TURN_DIRECTIONS), TURN_DIRECTIONS // 4)
+    x, y = np.cos(rest * (2 * np.pi / TURN_DIRECTIONS)), np.sin(rest * (2 * np.pi / TURN_DIRECTIONS))
     return np.column_stack([np.choose(quarter, [x, -y, -x, y]), np.choose(quarter, [y, x, -y, -x])])
 
 
@@ -139,13 +141,13 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
 
     def inside(a: Integers, b: Integers) -> Mask:
         """Is the sector within [a, b]? Both may be written with any number of full turns added."""
-        return np.asarray((left < right) & (np.mod(left - a, TURN) + (right - left) <= b - a))
+        return np.asarray((left < right) & (np.mod(left - a, TURN_DIRECTIONS) + (right - left) <= b - a))
 
     still, slides, opens, moves = state == STICK, state == SLIDE, state == OPEN, state == MOVES
     pressed = (state == CLOSED) | still | slides
-    within = inside(a, b) & (b - a < WIDEST)
+    within = inside(a, b) & (b - a < MAX_CHORD_SECTOR)
     chord = within | (q.eta == 0)  # g is not needed where eta = 0
-    leftish, rightish = inside(a, a + HALF), inside(b - HALF, b)
+    leftish, rightish = inside(a, a + HALF_TURN), inside(b - HALF_TURN, b)
     soft = np.append(q.soft_fingers >= 0, False)[np.where(of_contact, index, m)]
     patched = soft & slides
     if patched.any():
@@ -194,7 +196,7 @@ def _energy_holds(q: Question, scalar: Range | None, rows: LeafRows) -> Mask:
     commands the scalar makes no difference. Where it multiplies the load, or commands are sought, the work put in is no
     linear function of the unknowns.
     """
-    if not q.mdp or q.goal in (LARGEST, TORQUES) or (q.homogeneous and q.equivalent.drives):
+    if not q.mdp or q.goal in (LARGEST_GOAL, TORQUES) or (q.homogeneous and q.equivalent.drives):
         return np.zeros(len(rows.kind), dtype=bool)
     if scalar is None or not len(rows.references) or not q.load.f_b.any():
         return np.ones(len(rows.kind), dtype=bool)
@@ -248,9 +250,9 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
     """(R, n+3m+a+1+s) coefficients of x and of `Equations.Z`; (R,) right-hand sides: value >= right.
 
     These are the numbers that a proof is about, taken as they are. Directions are rounded, and contact frames are of
-    unit length and at right angles but for rounding: rows of the friction cone and bounds on |d_t| give way by `WIDER`,
-    relative, which covers that. Sides of sectors do not: a case says on which side of a direction, as its numbers are,
-    friction and -d_t lie. cos(eta) is the rounded number.
+    unit length and at right angles but for rounding: rows of the friction cone and bounds on |d_t| give way by
+    `CONE_WIDENING`, relative, which covers that. Sides of sectors do not: a case says on which side of a direction, as
+    its numbers are, friction and -d_t lie. cos(eta) is the rounded number.
     """
     at, m, a = Columns.of(q), q.grasp.m, q.actuators
     kind, index, count = rows.kind, rows.index, len(rows.kind)
@@ -274,8 +276,8 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
 
     put(ones, force, Row.CN_UP, Row.GAP_UP)
     put(-ones, force, Row.CN_DOWN, Row.GAP_DOWN)
-    put(mu * (1 + WIDER), force, Row.TANGENT)
-    put(-mu * (both / 2 - WIDER), force, Row.CHORD)
+    put(mu * (1 + CONE_WIDENING), force, Row.TANGENT)
+    put(-mu * (both / 2 - CONE_WIDENING), force, Row.CHORD)
     put(cos * ones, motion, Row.GAP_UP, Row.DN_UP)
     put(-cos * ones, motion, Row.GAP_DOWN)
     for k in (0, 1):
@@ -288,8 +290,8 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
         put(turned * Ub[:, 1 - k], motion + 1 + k, Row.D_RIGHT)
         if sin > 0:
             wide = (Ua + Ub)[:, k] / np.where(both > 0, both, 1.0)
-            put(-sin * (1 + WIDER) * wide, motion + 1 + k, Row.GAP_UP, Row.DN_UP)
-            put(sin * (1 - WIDER) * Ua[:, k], motion + 1 + k, Row.GAP_DOWN)
+            put(-sin * (1 + CONE_WIDENING) * wide, motion + 1 + k, Row.GAP_UP, Row.DN_UP)
+            put(sin * (1 - CONE_WIDENING) * Ua[:, k], motion + 1 + k, Row.GAP_DOWN)
     put(ones, motion + 1, Row.STILL_1_UP)
     put(-ones, motion + 1, Row.STILL_1_DOWN)
     put(ones, motion + 2, Row.STILL_2_UP)
@@ -329,13 +331,13 @@ def _put_soft(q: Question, rows: LeafRows, value: Array) -> None:
     normal, force, motion = np.zeros(len(here)), np.zeros((len(here), 3)), np.zeros((len(here), 3))
     tangent = np.flatnonzero(kind == Row.SOFT_TANGENT)
     flat, up = directions(a[tangent]), directions(b[tangent])
-    normal[tangent], force[tangent] = mu[tangent] * (1 + WIDER), -np.column_stack([up[:, :1] * flat, up[:, 1]])
+    normal[tangent], force[tangent] = mu[tangent] * (1 + CONE_WIDENING), -np.column_stack([up[:, :1] * flat, up[:, 1]])
     for k in np.flatnonzero((kind >= Row.SOFT_CHORD) & (kind <= Row.D_SIDE)):
         part = patch(int(a[k]))
         if kind[k] == Row.SOFT_CHORD:
-            normal[k], force[k] = -mu[k] * (part.reach - WIDER), part.middle
+            normal[k], force[k] = -mu[k] * (part.reach - CONE_WIDENING), part.middle
         elif kind[k] == Row.C_SIDE:
-            normal[k], force[k] = mu[k] * WIDER, part.planes[b[k]]
+            normal[k], force[k] = mu[k] * CONE_WIDENING, part.planes[b[k]]
         else:
             motion[k] = -part.planes[b[k]]
     motion[:, 2] += (kind == Row.TURN_UP).astype(float) - (kind == Row.TURN_DOWN)
@@ -360,7 +362,9 @@ def _put_energy(q: Question, rows: LeafRows, value: Array, right: Array) -> None
     pressure = -2 * x[:, :m] + slip * (1 + q.grasp.mu)
     if q.grasp.gaps.any():  # c_n^2 + gap c_n, over cos(eta), is what springs take in a step
         before = q.grasp.gaps / np.cos(q.eta)
-        pressure += 8 * UNIT * (2 * np.abs(x[:, :m]) + np.abs(before)) - before
+        pressure += 8 * UNIT_ROUNDOFF * (2 * np.abs(x[:, :m]) + np.abs(before)) - before
     value[here[:, None], np.arange(at.c.start, at.c.stop, 3)] = pressure
-    value[here[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_scalar) * (1 + 4 * UNIT)
-    right[here] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)
+    value[here[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_scalar) * (
+        1 + 4 * UNIT_ROUNDOFF
+    )
+    right[here] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT_ROUNDOFF)

@@ -18,14 +18,17 @@ import numpy as np
 
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
 
-SIZES = {"mesh": 0, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
-SAME = 1e-7  # [rad] normals that differ by less are one
-WIDE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
-TOUCH, BEYOND = 1e-5, 2e-5  # [m] solids that are this near touch; one that goes so far beyond a point covers it
-FLAT = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
-BATCH = 512  # parts that are looked at together
-AROUND = 180  # parts of a rim
-FINER = 5  # times that the eighths of an ellipsoid are quartered
+SOLID_SIZES = {"mesh": 0, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
+EQUAL_NORMAL_ANGLE = 1e-7  # [rad] normals that differ by less are one
+MAX_NORMAL_CONE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
+SOLID_TOUCH_DISTANCE, COVER_DISTANCE = (
+    1e-5,
+    2e-5,
+)  # [m] solids that are this near touch; one that goes so far beyond a point covers it
+CONVEXITY_TOLERANCE = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
+SOLID_BATCH = 512  # parts that are looked at together
+RIM_PARTS = 180  # parts of a rim
+ELLIPSOID_QUARTERINGS = 5  # times that the eighths of an ellipsoid are quartered
 EIGHTHS = np.array([[[i, 0, 0], [0, j, 0], [0, 0, k]] for i in (1, -1) for j in (1, -1) for k in (1, -1)], dtype=float)
 
 
@@ -67,8 +70,8 @@ class SurfaceParts:
         total = self.normals.sum(axis=1)
         length = np.linalg.norm(total, axis=1)
         axis = total / np.maximum(length, 1e-300)[:, None]
-        half = angle(self.normals, axis[:, None]).max(axis=1) + SAME
-        return axis, np.where((half < WIDE) & (length > 1e-6), half, np.pi)
+        half = angle(self.normals, axis[:, None]).max(axis=1) + EQUAL_NORMAL_ANGLE
+        return axis, np.where((half < MAX_NORMAL_CONE) & (length > 1e-6), half, np.pi)
 
     def balls(self) -> tuple[Array, Array]:
         """Centres (N, 3) and radii (N,) [m] of balls that hold the points."""
@@ -105,7 +108,7 @@ class ConvexSolid:
     """A convex solid in the object's frame.
 
     Attributes:
-        kind: a key of `SIZES`. size: [m] radius; radius and length along z; three semi-axes.
+        kind: a key of `SOLID_SIZES`. size: [m] radius; radius and length along z; three semi-axes.
         pose: (4, 4) of its own frame. vertices, faces: of a mesh, wound outwards, in the object's frame.
     """
 
@@ -118,8 +121,8 @@ class ConvexSolid:
     @classmethod
     def read(cls, f: Fields) -> ConvexSolid:
         """From a file."""
-        kind = f.text("kind", among=tuple(SIZES))
-        size = f.numbers("size", (SIZES[kind],), [])
+        kind = f.text("kind", among=tuple(SOLID_SIZES))
+        size = f.numbers("size", (SOLID_SIZES[kind],), [])
         pose = f.numbers("pose", (4, 4), np.eye(4).tolist())
         vertices = f.numbers("vertices", (-1, 3), [])
         faces = f.numbers("faces", (-1, 3), []).astype(np.int64)
@@ -175,7 +178,7 @@ class ConvexSolid:
     def _of_mesh(self) -> SurfaceParts | None:
         corners, (normal, height) = self.vertices[self.faces], self._planes
         # over each face nothing is above it
-        if not (self.vertices @ normal.T - height).max() <= FLAT * np.ptp(self.vertices, axis=0).max():
+        if not (self.vertices @ normal.T - height).max() <= CONVEXITY_TOLERANCE * np.ptp(self.vertices, axis=0).max():
             return None
         starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         face = np.repeat(np.arange(len(self.faces)), 3)
@@ -184,7 +187,7 @@ class ConvexSolid:
         if len(other) != len(edges) or not other.keys() >= set(edges):
             return None
         across = face[[other[edge] for edge in edges]]
-        bent = angle(normal[face], normal[across]) > SAME
+        bent = angle(normal[face], normal[across]) > EQUAL_NORMAL_ANGLE
         start, left, right = starts[bent], normal[face[bent]], normal[across[bent]]
         middle = np.zeros_like(self.vertices)
         np.add.at(middle, starts, normal[face])
@@ -208,7 +211,7 @@ class ConvexSolid:
             return [SurfaceParts.of(np.zeros((8, 3, 3)), EIGHTHS, r)]
         if self.kind == "ellipsoid":
             m = EIGHTHS
-            for _ in range(FINER):
+            for _ in range(ELLIPSOID_QUARTERINGS):
                 a, b, c = np.moveaxis(m, 1, 0)
                 ab, bc, ca = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (a + b, b + c, c + a))
                 m = np.concatenate([np.stack(v, axis=1) for v in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
@@ -217,10 +220,10 @@ class ConvexSolid:
             normals /= np.linalg.norm(normals, axis=2, keepdims=True)
             return [SurfaceParts.of(m * np.array(self.size), normals, slack=2 * deep * max(self.size))]
         h = self.size[1] / 2 * up
-        turns = np.arange(AROUND + 1) * 2 * np.pi / AROUND
+        turns = np.arange(RIM_PARTS + 1) * 2 * np.pi / RIM_PARTS
         e = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
         first, last = e[:-1], e[1:]
-        quarter = e[:: AROUND // 4]
+        quarter = e[:: RIM_PARTS // 4]
         sides = np.stack([quarter[:-1], quarter[1:], quarter[:-1]], axis=1)
         side = SurfaceParts.of(np.tile(np.array([-h, h, h]), (4, 1, 1)), sides, r)
         if self.kind == "capsule":
@@ -254,19 +257,21 @@ class ConvexSolid:
 def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
     """(N,) parts that are nowhere on the surface: in another solid, which reaches beyond them along each normal."""
     axis, half = parts.cones()
-    narrow, far = half < WIDE, parts.radius[:, None, None]
+    narrow, far = half < MAX_NORMAL_CONE, parts.radius[:, None, None]
     raised = (parts.points[:, :, None] + far[..., None] * parts.normals[:, None]).reshape(-1, 9, 3)
     bulge = parts.radius * (1 / np.cos(np.where(narrow, half, 0.0)) - 1) + parts.slack  # of arcs over their chords
     low, high = raised.min(axis=1), raised.max(axis=1)
     out = np.zeros(len(parts), dtype=bool)
     for k, solid in enumerate(solids):
-        inside = (low >= solid.box[0] - TOUCH).all(axis=1) & (high <= solid.box[1] + TOUCH).all(axis=1)
+        inside = (low >= solid.box[0] - SOLID_TOUCH_DISTANCE).all(axis=1) & (
+            high <= solid.box[1] + SOLID_TOUCH_DISTANCE
+        ).all(axis=1)
         its = np.flatnonzero(~out & narrow & inside & (parts.solid != k))
-        for some in np.split(its, range(BATCH, len(its), BATCH)):
+        for some in np.split(its, range(SOLID_BATCH, len(its), SOLID_BATCH)):
             ways = solid.farthest(axis[some])[:, None] - parts.points[some]
             beyond = (
                 (ways @ parts.normals[some].swapaxes(1, 2)).min(axis=(1, 2)) - parts.radius[some] - parts.slack[some]
             )
-            within = solid.depth(raised[some]).min(axis=1) >= bulge[some] - TOUCH
-            out[some] = within & (beyond >= BEYOND)
+            within = solid.depth(raised[some]).min(axis=1) >= bulge[some] - SOLID_TOUCH_DISTANCE
+            out[some] = within & (beyond >= COVER_DISTANCE)
     return out

@@ -35,9 +35,9 @@ from handfast.proofs.tolerance import EPS, load_scale
 
 Numbers = Callable[[Any], Any]  # from floats to arrays of floats, balls or rational numbers
 
-ULP = 2.0**-53
+UNIT_ROUNDOFF = 2.0**-53
 NO_ROW = np.zeros(1)
-NONE = 1e-9  # relative to the forces that act: motions and forces that may be none
+ZERO_TOLERANCE = 1e-9  # relative to the forces that act: motions and forces that may be none
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
     any state may miss, and rounding; a stop or a tendon that is nearer is there.
     """
     g, (M, size) = p.grasp, p.grasp.rows
-    d, off = M @ x.motion, EPS * p.scale * g.row_units + 8 * len(M) * ULP * (size @ np.abs(x.motion))
+    d, off = M @ x.motion, EPS * p.scale * g.row_units + 8 * len(M) * UNIT_ROUNDOFF * (size @ np.abs(x.motion))
     rows, (_, _, actuators, _, joints) = g.contact_rows, g.parts
     slides = np.sqrt((d[rows[:, 1:]] ** 2).sum(axis=1))
     gaps = np.where(x.c[::3] > 0, -x.c[::3], g.gaps + p.cos * d[rows[:, 0]] + p.sin * slides)
@@ -285,8 +285,11 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
     g = p.grasp
     M, size = p.grasp.rows
     phi, d, act = x.forces(g), M @ x.motion, acting(p, x)
-    coarse = 8 * len(M) * ULP * (size @ np.abs(x.motion))
-    none_d, none_f = np.maximum(NONE * act * p.grasp.row_units, coarse), NONE * act / p.grasp.row_units
+    coarse = 8 * len(M) * UNIT_ROUNDOFF * (size @ np.abs(x.motion))
+    none_d, none_f = (
+        np.maximum(ZERO_TOLERANCE * act * p.grasp.row_units, coarse),
+        ZERO_TOLERANCE * act / p.grasp.row_units,
+    )
     out = {}
     rows = g.contact_rows
     own = (g.mu, g.gaps, d[rows], phi[rows], none_d[rows].max(axis=1), none_f[rows[:, 0]])
@@ -422,7 +425,7 @@ class Laws:
         """(n,) of the forces at these motions, at most."""
         D = np.abs(d[self.rows])
         gaps = np.abs(p.grasp.gaps[self.rows[:, 0] // 3])
-        return 16 * ULP * (gaps + D[:, 0] + p.sin * D[:, 1:].sum(axis=1) + np.abs(self.force).sum(axis=1))
+        return 16 * UNIT_ROUNDOFF * (gaps + D[:, 0] + p.sin * D[:, 1:].sum(axis=1) + np.abs(self.force).sum(axis=1))
 
     def change(self, p: Problem, reach: Array) -> Array:
         """(n,) by which an entry of K changes at most for motions that differ by up to `reach` (n,); inf if unknown."""

@@ -9,11 +9,11 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-LARGEST = 1e50  # numbers in files are at most so large: no product of a few overflows
-DIGITS = 50  # of a whole number
-DEPTH = 50  # of lists and objects in each other; our own files need ten
+MAX_JSON_NUMBER = 1e50  # numbers in files are at most so large: no product of a few overflows
+MAX_INTEGER_DIGITS = 50  # of a whole number
+MAX_JSON_DEPTH = 50  # of lists and objects in each other; our own files need ten
 CONTROL = re.compile("[\x7f-\x9f]")  # that JSON itself lets pass
-TOO_DEEP = f"is nested too deeply; at most {DEPTH} lists and objects may be in each other"
+TOO_DEEP = f"is nested too deeply; at most {MAX_JSON_DEPTH} lists and objects may be in each other"
 
 
 class BadFile(ValueError):
@@ -28,9 +28,9 @@ def parse(text: str) -> Any:
     """Parsed JSON, which any code may walk through and write again.
 
     Raises:
-        BadFile: no JSON; NaN, infinity or a number beyond `LARGEST`; a name twice in one object; half a
-            character, or a control character, which could fake lines of what is printed; more than `DEPTH` lists
-            and objects in each other.
+        BadFile: no JSON; NaN, infinity or a number beyond `MAX_JSON_NUMBER`; a name twice in one object; half a
+            character, or a control character, which could fake lines of what is printed; more than `MAX_JSON_DEPTH`
+            lists and objects in each other.
     """
     try:
         data = json.loads(text, parse_constant=_refused, parse_int=_whole, parse_float=_real, object_pairs_hook=_object)
@@ -38,7 +38,7 @@ def parse(text: str) -> Any:
         raise BadFile(f"is not valid JSON: {error.msg} (line {error.lineno}, column {error.colno})") from None
     except RecursionError:
         raise BadFile(TOO_DEEP) from None
-    if _deeper(data, DEPTH):
+    if _deeper(data, MAX_JSON_DEPTH):
         raise BadFile(TOO_DEEP)
     if "\\" in text or CONTROL.search(text):  # else every character is as it stands, and none that JSON refuses
         for word in _words(data):
@@ -67,16 +67,16 @@ def _refused(constant: str) -> Any:
 
 
 def _whole(digits: str) -> int:
-    if len(digits) > DIGITS:
-        raise BadFile(f"contains a number of {len(digits)} digits; at most {DIGITS} are possible")
+    if len(digits) > MAX_INTEGER_DIGITS:
+        raise BadFile(f"contains a number of {len(digits)} digits; at most {MAX_INTEGER_DIGITS} are possible")
     return int(digits)
 
 
 def _real(text: str) -> float:
     number = float(text)
-    if abs(number) > LARGEST:
+    if abs(number) > MAX_JSON_NUMBER:
         shown = text if len(text) <= 20 else f"{text[:20]}..."
-        raise BadFile(f"contains {shown}; numbers up to {LARGEST:g} are possible")
+        raise BadFile(f"contains {shown}; numbers up to {MAX_JSON_NUMBER:g} are possible")
     return number
 
 

@@ -26,10 +26,10 @@ from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData, read_task
 
 VERDICTS = "found", "none", "undecided"
-STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
-LENGTH = 0.1  # [m] that counts as much as a radian in the distance of configurations
-COURSE = "the course of the search: starts, boxes and seconds"
-NAMES = "that the task's numbers are those of the hand and of the object that it names"
+SEARCH_STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
+RADIAN_LENGTH = 0.1  # [m] that counts as much as a radian in the distance of configurations
+SYNTHESIS_COURSE = "the course of the search: starts, boxes and seconds"
+NAMES_CLAIM = "that the task's numbers are those of the hand and of the object that it names"
 SEARCHED = re.compile(r"contacts? (\d+(?:, \d+)*)(?: and (\d+|the object's position))?")
 AT_EVERY_POSE = "all contacts, pose by pose"
 SCHEMA = "handfast/synthesis/1"
@@ -49,7 +49,7 @@ def replay_answer(task: TaskData, f: Fields, resumable: bool) -> Replay:
     """What an answer of `synthesize` claims of a task; is there a state to go on from?"""
     f.text("schema", among=["handfast/answer/1"])
     f.text("query", among=["synthesize"])
-    verdict, stop = f.text("verdict", among=VERDICTS), f.text("stop", among=STOPS)
+    verdict, stop = f.text("verdict", among=VERDICTS), f.text("stop", among=SEARCH_STOPS)
     f.number("seconds", least=0.0)
     nodes = f.whole("nodes")
     for name in ("starts", "unproved", "seed"):
@@ -58,7 +58,7 @@ def replay_answer(task: TaskData, f: Fields, resumable: bool) -> Replay:
     searched = _Searched(f.object("searched")) if f.has("searched") else None
     f.done()
     fault = _contradiction(verdict, stop, len(said), searched, nodes, resumable)
-    missing = [COURSE, NAMES]
+    missing = [SYNTHESIS_COURSE, NAMES_CLAIM]
     if fault:
         return Replay("synthesis", "", fault, not_replayed=tuple(missing))
     if verdict == "found":
@@ -201,7 +201,7 @@ def _difference(task: TaskData, due: dict[str, Any], moved: Mapping[str, float],
 
 def _features(task: TaskData, moved: Mapping[str, float], at: Values) -> Array:
     """What the distance of two configurations is that of: free joints, position, orientation, points on the object."""
-    free = [moved[task.hand.joints[j]] / (1.0 if task.hand.revolute[j] else LENGTH) for j in task.free]
+    free = [moved[task.hand.joints[j]] / (1.0 if task.hand.revolute[j] else RADIAN_LENGTH) for j in task.free]
     R, p = at.rotation.mid[0], at.position.mid[0]
-    spots = (at.point.mid[0] - p) @ R / LENGTH
-    return np.concatenate([free, p / LENGTH, R.ravel() / np.sqrt(2), spots.ravel()])
+    spots = (at.point.mid[0] - p) @ R / RADIAN_LENGTH
+    return np.concatenate([free, p / RADIAN_LENGTH, R.ravel() / np.sqrt(2), spots.ravel()])

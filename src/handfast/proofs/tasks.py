@@ -3,7 +3,7 @@
 The file holds every number that the equations need: where links and joints stand, couplings, limits, the regions to
 touch, bounds of the object's pose. That these are the numbers of a hand that the file names is not proved here.
 
-A joint of a new kind has its name in `KINDS`, its motion in `chains`.
+A joint of a new kind has its name in `JOINT_KINDS`, its motion in `chains`.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 from handfast.proofs.fields import Array, BadFile, Fields, Mask, number, numbers, refuse_unknown, texts
 from handfast.proofs.regions import RegionData, read_region
 
-KINDS = "revolute", "prismatic"
-MANY = 1000  # links, joints, contacts at most
-SAME = 1e-9  # [rad, m] by which the value that is said of a joint may miss what it has to be
+JOINT_KINDS = "revolute", "prismatic"
+MAX_TASK_PARTS = 1000  # links, joints, contacts at most
+JOINT_VALUE_TOLERANCE = 1e-9  # [rad, m] by which the value that is said of a joint may miss what it has to be
 
 
 @dataclass(frozen=True)
@@ -127,13 +127,17 @@ class TaskData:
         if joints.keys() != set(hand.joints):
             return f"the joints are {', '.join(hand.joints)}"
         for j, name in enumerate(hand.joints):
-            if name in proved and not abs(joints[name] - proved[name]) <= SAME:
+            if name in proved and not abs(joints[name] - proved[name]) <= JOINT_VALUE_TOLERANCE:
                 return f"{name} is not at the value that is proved"
-            if not hand.limits[j, 0] - SAME <= joints[name] <= hand.limits[j, 1] + SAME:
+            if (
+                not hand.limits[j, 0] - JOINT_VALUE_TOLERANCE
+                <= joints[name]
+                <= hand.limits[j, 1] + JOINT_VALUE_TOLERANCE
+            ):
                 return f"{name} is beyond its limits"
             if (c := hand.couplings.get(j)) is not None:
                 driver = joints[hand.joints[c.driver]] if c.driver >= 0 else 0.0
-                if not abs(joints[name] - c.ratio * driver - c.offset) <= SAME:
+                if not abs(joints[name] - c.ratio * driver - c.offset) <= JOINT_VALUE_TOLERANCE:
                     return f"{name} does not follow its coupling"
         return ""
 
@@ -151,8 +155,8 @@ def read_task(data: Any, place: str = "task") -> TaskData:
         on_hand.append(read_region(contact.object("hand")))
         on_object.append(read_region(contact.object("object")))
         contact.done()
-    if not 0 < len(links) <= MANY:
-        raise BadFile(f"has {len(links)} entries; 1 to {MANY} are possible", f.at("contacts"))
+    if not 0 < len(links) <= MAX_TASK_PARTS:
+        raise BadFile(f"has {len(links)} entries; 1 to {MAX_TASK_PARTS} are possible", f.at("contacts"))
     position, axes = _pose(f.object("pose"))
     f.done()
     return TaskData(hand, tuple(links), tuple(on_hand), tuple(on_object), position, axes)
@@ -165,8 +169,8 @@ def _hand(f: Fields) -> HandData:
     joints = f.table("joints", ("name", "type", "axis", "anchor", "limits", "ref"))
     names = {kind: texts(those["name"], f.at(kind)) for kind, those in (("links", links), ("joints", joints))}
     for kind, its in names.items():
-        if len(its) > MANY or len(set(its)) < len(its):
-            raise BadFile(f"has a name twice, or more than {MANY}", f.at(kind))
+        if len(its) > MAX_TASK_PARTS or len(set(its)) < len(its):
+            raise BadFile(f"has a name twice, or more than {MAX_TASK_PARTS}", f.at(kind))
     for i, parent in enumerate(links["parent"]):
         if type(parent) is not int or not -1 <= parent < i or (parent < 0) != (i == 0):
             raise BadFile(
@@ -176,8 +180,8 @@ def _hand(f: Fields) -> HandData:
     passed = [j for its in carried for j in its]
     if any(type(j) is not int or not 0 <= j < len(names["joints"]) for j in passed) or len(set(passed)) < len(passed):
         raise BadFile("have joints that do not exist, or a joint twice", f.at("links"))
-    if not names["links"] or not {*joints["type"]} <= {*KINDS}:
-        raise BadFile(f"has no link, or a joint that is not {' or '.join(KINDS)}", f.place)
+    if not names["links"] or not {*joints["type"]} <= {*JOINT_KINDS}:
+        raise BadFile(f"has no link, or a joint that is not {' or '.join(JOINT_KINDS)}", f.place)
     poses = numbers(links["pose"], (-1, 4, 4), f"{f.at('links')}[].pose")
     if (poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any():
         raise BadFile("has no 0, 0, 0, 1 as last row", f"{f.at('links')}[].pose")

@@ -21,10 +21,10 @@ from handfast.proofs.question import Question
 
 EPS = 1e-9
 WORK = 1e-6
-LEAST = 1e-100  # [N] nothing is proved of smaller scales: roundings of their products are not in proportion
-TOO_SMALL = f"the load and the commands are below {LEAST:g} N, where rounding is not bounded"
-ENDLESS = 1e3  # times the other forces in play: a disturbance that is resisted up to there counts as unbounded
-FAR = 1e4  # times all forces in play: a proof for motions inside a cap counts as complete from there on
+MIN_FORCE_SCALE = 1e-100  # [N] nothing is proved of smaller scales: roundings of their products are not in proportion
+TOO_SMALL = f"the load and the commands are below {MIN_FORCE_SCALE:g} N, where rounding is not bounded"
+UNBOUNDED_FACTOR = 1e3  # times the other forces in play: a disturbance that is resisted up to there counts as unbounded
+COMPLETE_CAP = 1e4  # times all forces in play: a proof for motions inside a cap counts as complete from there on
 
 
 def about_centroid(g: GraspData, w: Array) -> Array:
@@ -98,10 +98,10 @@ def drives(q: Question) -> float:
 
 
 def farthest(q: Question) -> float:
-    """The magnitude up to which a maximum is to be sought at least: `ENDLESS` times the other forces in play.
+    """The magnitude up to which a maximum is to be sought at least: `UNBOUNDED_FACTOR` times the other forces in play.
 
     Endless where the direction is no force.
     """
     others = max(size_of(q.grasp, q.wrench), drives(q))
     along = size_of(q.grasp, q.direction)
-    return ENDLESS * (others or along) / along if along else np.inf
+    return UNBOUNDED_FACTOR * (others or along) / along if along else np.inf

@@ -42,15 +42,15 @@ from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refus
 from handfast.proofs.intervals import Dual, Interval, cross, dot, join, sqr, sqrt, unit
 from handfast.proofs.regions import ContactSide, RegionData
 from handfast.proofs.replay import Figure, Refused, Replay
-from handfast.proofs.tolerance import EPS, LEAST
+from handfast.proofs.tolerance import EPS, MIN_FORCE_SCALE
 
-BATCH = 64  # boxes that are looked at together
-BOXES = 8000  # for the distance from the line through two contacts
-TIGHT = 0.95  # of the least distance that was met: a bound that is good enough
-MANY = 2_000_000  # entries of a tree at most
-MORE = 1 + 1e-14  # over the rounding of a bound that is computed in a few steps
-FACTORS = (1e-6, 1e6)  # on the loads: between them the least is looked for that refutes a box
-HALVINGS = 30  # of their logarithm
+LINE_BATCH = 64  # boxes that are looked at together
+LINE_BOXES = 8000  # for the distance from the line through two contacts
+LINE_BOUND_RATIO = 0.95  # of the least distance that was met: a bound that is good enough
+MAX_TREE_ENTRIES = 2_000_000  # entries of a tree at most
+DISTANCE_INFLATION = 1 + 1e-14  # over the rounding of a bound that is computed in a few steps
+LOAD_FACTORS = (1e-6, 1e6)  # on the loads: between them the least is looked for that refutes a box
+FACTOR_HALVINGS = 30  # of their logarithm
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +300,7 @@ class Placements:
     @property
     def lever(self) -> float:
         """[m] torsional friction over friction, rounded upwards; 0 for point contacts."""
-        return self.torsion / self.friction * MORE if self.torsion else 0.0
+        return self.torsion / self.friction * DISTANCE_INFLATION if self.torsion else 0.0
 
     @property
     def limited(self) -> Mask:
@@ -310,7 +310,7 @@ class Placements:
     @property
     def sine(self) -> float:
         """Of the friction angle, rounded upwards."""
-        return self.friction / np.hypot(1.0, self.friction) * MORE
+        return self.friction / np.hypot(1.0, self.friction) * DISTANCE_INFLATION
 
     def at(self, parameters: Array) -> tuple[Array, Array]:
         """Points and normals into the object (N, K, 3) at parameters (N, 2 K): rounded, for a search."""
@@ -327,12 +327,12 @@ class Placements:
     def least_factors(self, boxes: Array, motions: Motions) -> tuple[Array, Array]:
         """(N,) the factor on the loads from which on the twists refute boxes (N, 2 K, 2), inf where none is; the reach.
 
-        `factor` does not count. Found by bisection between `FACTORS`.
+        `factor` does not count. Found by bisection between `LOAD_FACTORS`.
         """
         found, reach = np.full(len(boxes), np.inf), np.full(boxes.shape[:2], np.nan)
         for some, bounds in self._bounds(boxes, motions):
-            low, high = (np.full(len(some), np.log(x)) for x in FACTORS)
-            for _ in range(HALVINGS):
+            low, high = (np.full(len(some), np.log(x)) for x in LOAD_FACTORS)
+            for _ in range(FACTOR_HALVINGS):
                 middle = 0.5 * (low + high)
                 shown = bounds.shown(np.exp(middle)).refuted
                 low, high = np.where(shown, low, middle), np.where(shown, middle, high)
@@ -394,7 +394,7 @@ class Placements:
             slip, whole = sqr(u + pushed[..., None] * normal).sum(), sqr(u.value).sum()
             if twisted is not None:
                 slip, whole = slip + twisted, whole + sqr(sqrt(sqr(spin.value).sum()) * self.lever)
-            most = sqrt(whole).hi * (np.hypot(1.0, self.friction) * MORE)  # whatever the normal is
+            most = sqrt(whole).hi * (np.hypot(1.0, self.friction) * DISTANCE_INFLATION)  # whatever the normal is
             short = _positive(sqrt(slip) * self.friction - pushed, most)[..., bounded]
             missed = missed + scales.of_forces(short.value.hi, self.limits, bounded)
             resisted = (short * self.force_limits[bounded]).sum() * Dual.constant(together, n)
@@ -421,16 +421,17 @@ class Placements:
         each = force, torque - cross((c + about)[:, None], force)  # (k, 3), (N, k, 3)
         f, moment = ((weights * sqrt(sqr(a).sum()).hi).sum(axis=1) * (1 + weights.shape[1] * 1e-14) for a in each)
         of_force = f if p.shape[1] == 1 else f + moment / smallest
-        return _Scales(c, of_force, f * largest + moment, p.shape[1], np.maximum(f, moment) > LEAST)
+        return _Scales(c, of_force, f * largest + moment, p.shape[1], np.maximum(f, moment) > MIN_FORCE_SCALE)
 
     def line_distance(self, center: Array) -> float:
         """[m] what a point (3,) is at least away from the line through two contacts, wherever these are.
 
-        By boxes of its own, the one with the least bound first, until the bound is `TIGHT` or `BOXES` were looked at.
+        By boxes of its own, the one with the least bound first, until the bound is `LINE_BOUND_RATIO` or `LINE_BOXES`
+        were looked at.
         """
         boxes, bounds, least, seen = self.root[None], np.zeros(1), np.inf, 0
-        while seen < BOXES and bounds.min() < TIGHT * least:
-            first = np.argsort(bounds, kind="stable")[:BATCH]
+        while seen < LINE_BOXES and bounds.min() < LINE_BOUND_RATIO * least:
+            first = np.argsort(bounds, kind="stable")[:LINE_BATCH]
             with np.errstate(all="ignore"):
                 new, middle, reach = self._line_distances(boxes[first], center)
             new, least, seen = np.fmax(new, bounds[first]), min(least, middle.min()), seen + len(first)
@@ -452,7 +453,7 @@ class Placements:
         )
         along = middle.value.mid
         length = np.linalg.norm(along, axis=1, keepdims=True)
-        along = along / (np.maximum(length, LEAST) * MORE)  # no longer than 1
+        along = along / (np.maximum(length, MIN_FORCE_SCALE) * DISTANCE_INFLATION)  # no longer than 1
         direction = Dual.constant(Interval.of(along), at.shape[1])
         rows, here = (dot(m, direction)[..., None] for m in (moment, middle))
         lower, _ = _mean_value(rows, here, over - at)
@@ -495,7 +496,7 @@ class _Scales:
 
     def missed(self, work: Array, hand: HandMotion | None) -> Array:
         """(N,) an upper bound of the work of what a state misses of load and joint torques; work: as of `work`."""
-        missed = np.where(self.enough, EPS * work * MORE**8, np.inf)
+        missed = np.where(self.enough, EPS * work * DISTANCE_INFLATION**8, np.inf)
         return missed if hand is None else missed + self.of_joints(hand.turned, hand.slid)
 
     def of_joints(self, turned: Array, slid: Array) -> Array:
@@ -508,7 +509,7 @@ class _Scales:
         of_slides, of_turns = (
             np.where(motions > 0, each * motions, 0.0) for each, motions in ((self.force, slid), (self.torque, turned))
         )
-        return EPS * (of_slides + of_turns) * MORE**8
+        return EPS * (of_slides + of_turns) * DISTANCE_INFLATION**8
 
     def of_forces(self, short: Array, limits: ForceLimits, contacts: Sequence[int]) -> Array:
         """(N,) the most that forces beyond their limits do, for what is missed of joint torques, where they fall short
@@ -518,7 +519,7 @@ class _Scales:
         for column, k in enumerate(contacts):
             more = self.of_joints(limits.turned[k], limits.slid[k])
             out += np.where((more > 0) & (short[:, column] > 0), short[:, column] * more, 0.0)
-        return out * MORE**8
+        return out * DISTANCE_INFLATION**8
 
 
 @dataclass(frozen=True, eq=False)
@@ -559,7 +560,7 @@ class _WorkBounds:
         """Which boxes are refuted where so many times (N,) the loads are to be balanced."""
         over, at = self.over.balance(factor), self.middle.balance(factor)
         lower, _ = _mean_value(over, at, self.away)
-        due = (factor * self.over.missed * MORE)[:, None]
+        due = (factor * self.over.missed * DISTANCE_INFLATION)[:, None]
         shown, sizes = lower > due, _changes(over, self.away).mag
         rows, middle, size = lower - due, at.value.lo - due, (factor * self.over.largest)[:, None]
         if self.over.cones is not None and self.middle.cones is not None:
@@ -611,8 +612,8 @@ class UnbalancedTree:
         """As it stands in a file; `BadFile` for what cannot be one of such loads and contacts."""
         motions = Motions.read(f, names, contacts)
         entries = f.take("tree")
-        if not isinstance(entries, list) or not 0 < len(entries) <= MANY:
-            raise BadFile(f"is no list of 1 to {MANY} entries", f.at("tree"))
+        if not isinstance(entries, list) or not 0 < len(entries) <= MAX_TREE_ENTRIES:
+            raise BadFile(f"is no list of 1 to {MAX_TREE_ENTRIES} entries", f.at("tree"))
         for k, x in enumerate(entries):
             if x is not None and (type(x) is not int or not -len(motions) <= x < 2 * contacts):
                 need = f"a parameter below {2 * contacts}, a motion or null is needed"
@@ -666,7 +667,7 @@ def _positive(x: Dual, most: Array) -> Dual:
 
 
 def _batches(its: Integers) -> Iterator[Integers]:
-    return (its[k : k + BATCH] for k in range(0, len(its), BATCH))
+    return (its[k : k + LINE_BATCH] for k in range(0, len(its), LINE_BATCH))
 
 
 def halves(box: Array, k: int) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ from handfast.readers.mesh_file import MESH_FILES, read_meshes
 from handfast.readers.registry import ObjectParts
 
 Sizes = tuple[Positive, Positive, Positive]
-SOLIDS: tuple[Kind, ...] = ("box", "sphere", "capsule", "cylinder", "ellipsoid")  # fields of `ShapeFile`
+SOLID_FIELDS: tuple[Kind, ...] = ("box", "sphere", "capsule", "cylinder", "ellipsoid")  # fields of `ShapeFile`
 
 
 class BoxEntry(Strict):
@@ -111,7 +111,7 @@ class BodyFile(Strict):
         meshes = read_meshes(files.values())
         for i, s in enumerate(shapes):
             pose = s.pose.matrix
-            for kind in SOLIDS:
+            for kind in SOLID_FIELDS:
                 if solid := getattr(s, kind):
                     sizes = np.hstack(list(solid.model_dump().values()))
                     solids.append(Shape(kind, sizes, pose, name=f"{kind}_{i}"))

@@ -21,7 +21,7 @@ from handfast.readers.xml_file import read_robot_xml
 
 # What a description file cannot say: which joints close (each one not named here stays 0), and whether
 # coupled joints have a breakaway clutch. Spreads and abductions do not close.
-FINGERS = ("ring", "middle", "index", "thumb")
+FOUR_FINGERS = ("ring", "middle", "index", "thumb")
 BUNDLED: dict[str, tuple[str, dict[str, int], bool]] = {
     "barrett-bh8-280": (
         "barrett-bh8-280.urdf",
@@ -30,7 +30,7 @@ BUNDLED: dict[str, tuple[str, dict[str, int], bool]] = {
     ),
     "schunk-sah": (
         "schunk-sah.urdf",
-        {f"{f}_{part}": 1 for f in FINGERS for part in ("proximal", "middle", "distal")},
+        {f"{f}_{part}": 1 for f in FOUR_FINGERS for part in ("proximal", "middle", "distal")},
         False,
     ),
     "parallel-gripper": ("parallel-gripper.xml", {"left_slide": 1, "right_slide": 1}, False),
@@ -132,7 +132,7 @@ def _read(path: Path, base: str | None = None, *, guess: bool = True) -> Hand:
     try:
         if not kind:
             raise InputError(f"has root element <{root.tag}>; <robot> or <mujoco> is needed")
-        hand: Hand = registry.reader(registry.HANDS, kind)(root, path, base)
+        hand: Hand = registry.reader(registry.HAND_READERS, kind)(root, path, base)
     except InputError as fault:
         raise fault.at(str(path)) from None
     except UnicodeDecodeError:  # mujoco reads bytes, whatever encoding the file declares

@@ -30,7 +30,7 @@ from handfast.readers.mjcf_mechanism import (
 )
 
 UNNAMED = "MuJoCo Model"  # what mujoco calls a model whose file gives no name
-WIDE = 0.11  # [rad] 2 pi degrees: a full turn in radians, taken for degrees
+MIN_RADIAN_RANGE = 0.11  # [rad] 2 pi degrees: a full turn in radians, taken for degrees
 LOG = logging.getLogger("handfast")
 UNMOVED = 1e-12  # of the pose of a body that stands in the world's frame
 
@@ -79,8 +79,8 @@ def _doubt_degrees(hand: Hand, path: Path) -> None:
     mujoco takes degrees for granted: a joint of 0 to 1.2 rad then turns a fiftieth of that.
     """
     turning = [j for j in hand.joints if j.type == "revolute" and np.isfinite([j.lower, j.upper]).all()]
-    widest = max((j.upper - j.lower for j in turning), default=WIDE)
-    if widest < WIDE:
+    widest = max((j.upper - j.lower for j in turning), default=MIN_RADIAN_RANGE)
+    if widest < MIN_RADIAN_RANGE:
         LOG.warning(
             '%s: no joint turns more than %.2g degrees; if its limits are radians, it needs <compiler angle="radian"/>',
             path,
@@ -219,7 +219,7 @@ def _joint(m: Any, j: int) -> Joint:
     return Joint(name, "revolute" if hinge else "prismatic", axis, anchor, float(lower), float(upper), ref, law)
 
 
-LARGEST = 1e50  # [m] twice as much is a number, too, and refused with its own name
+MAX_GEOM_SIZE = 1e50  # [m] twice as much is a number, too, and refused with its own name
 
 
 def _shapes(m: Any, body: int) -> list[tuple[Shape, float]]:
@@ -233,7 +233,7 @@ def _shapes(m: Any, body: int) -> list[tuple[Shape, float]]:
         if not (m.geom_contype[g] or m.geom_conaffinity[g]):
             continue
         torsion.append(float(m.geom_friction[g, 1]) if m.geom_condim[g] >= 4 else 0.0)
-        size, kind = np.minimum(m.geom_size[g], LARGEST), kinds(m.geom_type[g])
+        size, kind = np.minimum(m.geom_size[g], MAX_GEOM_SIZE), kinds(m.geom_type[g])
         pose = transform(m.geom_pos[g], quaternion_matrix(m.geom_quat[g]))
         name = m.geom(g).name or f"{m.body(body).name}/{len(shapes)}"
         match kind:

@@ -18,7 +18,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import FaultsOf, InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.hand import Coupling, Joint, direct_mechanism
-from handfast.model.hand.joint_law import FREE, JointLaw, PassiveTendon
+from handfast.model.hand.joint_law import NO_STOPS, JointLaw, PassiveTendon
 from handfast.model.hand.loop import Loop
 from handfast.model.mechanism import Mechanism
 
@@ -307,7 +307,7 @@ def joint_law(m: Any, j: int) -> JointLaw:
     """Of a hinge or slide: frictionloss, stiffness about springref, and the range if it is limited."""
     rest = float(m.qpos_spring[m.jnt_qposadr[j]])
     stiffness = float(m.jnt_stiffness[j]) if _linear(m, "jnt", j) else 0.0
-    stops = _ends(m.jnt_range[j]) if m.jnt_limited[j] else FREE
+    stops = _ends(m.jnt_range[j]) if m.jnt_limited[j] else NO_STOPS
     with_spring = (stiffness, (rest, rest)) if stiffness else (0.0, (0.0, 0.0))
     with FaultsOf(field=f"joint {m.joint(j).name or j}"):
         return JointLaw(float(m.dof_frictionloss[m.jnt_dofadr[j]]), *with_spring, stops)
@@ -329,7 +329,7 @@ def passive_tendons(part: ModelPart) -> tuple[PassiveTendon, ...]:
         row[[part.column[j] for j in runs]] = list(runs.values())
         stiffness = float(m.tendon_stiffness[t]) if _linear(m, "tendon", t) else 0.0
         spring = (stiffness, _ends(m.tendon_lengthspring[t])) if stiffness else (0.0, (0.0, 0.0))
-        stops = _ends(m.tendon_range[t]) if m.tendon_limited[t] else FREE
+        stops = _ends(m.tendon_range[t]) if m.tendon_limited[t] else NO_STOPS
         with FaultsOf(field=f"tendon {name}"):
             law = JointLaw(float(m.tendon_frictionloss[t]), *spring, stops)
         if law.any and row.any():

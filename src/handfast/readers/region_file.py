@@ -24,7 +24,7 @@ from handfast.model.region import Bezier, Cap, Region
 from handfast.readers.load_hand import bundled_hands, load_hand
 
 # each has a field in `RegionEntry`
-KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap, CylinderSide, ConeSide)}
+REGION_KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap, CylinderSide, ConeSide)}
 
 
 class RegionEntry(Strict):
@@ -51,17 +51,17 @@ class RegionEntry(Strict):
 
     @model_validator(mode="after")
     def _one(self) -> RegionEntry:
-        if sum(getattr(self, kind) is not None for kind in KINDS) != 1:
-            raise ValueError(f"exactly one of {', '.join(KINDS)} is needed")
+        if sum(getattr(self, kind) is not None for kind in REGION_KINDS) != 1:
+            raise ValueError(f"exactly one of {', '.join(REGION_KINDS)} is needed")
         return self
 
     def region(self, field: str, flip: bool) -> Region:
         """The region; `field` is where it stands in the file, `flip` what stands beside it."""
         if flip and self.flip:
             raise InputError("is given twice, in the region and beside it; once is enough", field=f"{field}.flip")
-        (kind,) = (kind for kind in KINDS if getattr(self, kind) is not None)
+        (kind,) = (kind for kind in REGION_KINDS if getattr(self, kind) is not None)
         with FaultsOf(field=field):
-            return KINDS[kind].of(getattr(self, kind), flip or self.flip)
+            return REGION_KINDS[kind].of(getattr(self, kind), flip or self.flip)
 
 
 def region_to_dict(region: Region) -> dict[str, Any]:

@@ -25,7 +25,7 @@ MESHES: dict[str, str] = dict.fromkeys((".obj", ".stl", ".ply", ".off"), f"{_REA
 MESHES |= dict.fromkeys((".iv", ".wrl"), f"{_READERS}.graspit.inventor:read_inventor")
 
 # (root element, path, name of the root link or None) -> Hand; "robot/chain" is a <robot> that has a <chain>
-HANDS: dict[str, str] = {
+HAND_READERS: dict[str, str] = {
     "robot/chain": f"{_READERS}.graspit.robot:read_robot",
     "robot": f"{_READERS}.urdf:read_urdf",
     "mujoco": f"{_READERS}.mjcf:read_mjcf",
@@ -77,8 +77,8 @@ def reader(table: Mapping[str, str], key: str) -> Any:
 
 
 def hand_format(root: Element) -> str:
-    """The key of `HANDS` for a root element; "" if there is none."""
-    for key in HANDS:
+    """The key of `HAND_READERS` for a root element; "" if there is none."""
+    for key in HAND_READERS:
         tag, _, child = key.partition("/")
         if root.tag == tag and (not child or root.find(child) is not None):
             return key

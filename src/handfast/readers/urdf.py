@@ -21,14 +21,14 @@ from handfast.model.shape import Kind, Mesh, Shape
 from handfast.readers.mesh_file import read_meshes
 from handfast.readers.xml_file import numbers_in, read_robot_xml
 
-SOLIDS: dict[Kind, dict[str, int]] = {  # how many numbers of which names
+URDF_SOLIDS: dict[Kind, dict[str, int]] = {  # how many numbers of which names
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
     "capsule": {"radius": 1, "length": 1},
     "ellipsoid": {"radii": 3},
 }
-TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
+CONTINUOUS_LIMIT = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
 
 
 def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
@@ -143,7 +143,9 @@ def _joint(e: Element) -> Joint:
     if rubs < 0:
         raise InputError(f"<dynamics> friction is {rubs:g}; 0 or more is needed", field=f"joint {name}")
     if kind == "continuous":
-        return Joint(name, "revolute", np.array(direction), np.zeros(3), -TURN, TURN, law=JointLaw(rubs))
+        return Joint(
+            name, "revolute", np.array(direction), np.zeros(3), -CONTINUOUS_LIMIT, CONTINUOUS_LIMIT, law=JointLaw(rubs)
+        )
     limit = e.find("limit")
     if limit is None:
         raise InputError("has no <limit>; lower and upper are needed", field=f"joint {name}")
@@ -199,10 +201,10 @@ def solid(g: Element, pose: Array, name: str, where: str, scale: float = 1.0) ->
 
     Its numbers are in attributes, as in a URDF file, or in elements, as in an SDF file.
     """
-    if g.tag not in SOLIDS:
-        raise InputError(f"has a {g.tag}; {', '.join(SOLIDS)} and mesh are understood", field=where)
+    if g.tag not in URDF_SOLIDS:
+        raise InputError(f"has a {g.tag}; {', '.join(URDF_SOLIDS)} and mesh are understood", field=where)
     kind: Kind = g.tag
-    size = [x for key, n in SOLIDS[kind].items() for x in sizes(g, key, n, where)]
+    size = [x for key, n in URDF_SOLIDS[kind].items() for x in sizes(g, key, n, where)]
     return Shape(kind, [scale * x for x in size], pose, name=name)
 
 

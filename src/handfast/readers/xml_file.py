@@ -10,8 +10,8 @@ from xml.parsers import expat
 
 from handfast.core.errors import InputError
 
-LARGEST = 1 << 25  # [bytes]
-DEEPEST = 500  # elements in each other
+MAX_XML_BYTES = 1 << 25  # [bytes]
+MAX_XML_DEPTH = 500  # elements in each other
 XACRO = ("{http://www.ros.org/wiki/xacro}", "{http://ros.org/wiki/xacro}", "{http://wiki.ros.org/xacro}")
 
 
@@ -22,13 +22,13 @@ def read_xml(path: Path, right: str = "") -> Element:
         right: what kind of file is needed, for the message.
 
     Raises:
-        InputError: no such file, no XML, an unknown encoding, larger than `LARGEST`, elements more than `DEEPEST` deep
-            in each other, a document type, which could define entities that expand without end. One line, naming the
-            file.
+        InputError: no such file, no XML, an unknown encoding, larger than `MAX_XML_BYTES`, elements more than
+            `MAX_XML_DEPTH` deep in each other, a document type, which could define entities that expand without end.
+            One line, naming the file.
     """
     try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"is larger than {LARGEST >> 20} MiB")
+        if path.stat().st_size > MAX_XML_BYTES:
+            raise InputError(f"is larger than {MAX_XML_BYTES >> 20} MiB")
         data = path.read_bytes()
         _refuse(data)
         return ElementTree.fromstring(data)
@@ -73,8 +73,8 @@ def _refuse(data: bytes) -> None:
     def start(*_: object) -> None:
         nonlocal depth
         depth += 1
-        if depth > DEEPEST:
-            raise InputError(f"has elements more than {DEEPEST} deep in each other")
+        if depth > MAX_XML_DEPTH:
+            raise InputError(f"has elements more than {MAX_XML_DEPTH} deep in each other")
 
     def end(_: object) -> None:
         nonlocal depth

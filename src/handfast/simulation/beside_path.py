@@ -13,7 +13,7 @@ from handfast.simulation.result import SimulationResult
 from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.answers.load_path import LoadPath
 
-SAME = 1e-9  # relative: the simulated load is a multiple of the path's
+MULTIPLE_TOLERANCE = 1e-9  # relative: the simulated load is a multiple of the path's
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +88,15 @@ def beside_path(answer: CheckAnswer | MaxAnswer, found: SimulationResult) -> Pat
         raise InputError(f"is loaded '{found.loading}'; 'preload-first' is needed beside a path", field="found")
     load = path.whole.problem.wrench
     largest = float(found.wrench @ load / (load @ load))
-    if not (largest > 0 and np.abs(found.wrench - largest * load).max() <= SAME * np.abs(found.wrench).max()):
+    if not (
+        largest > 0 and np.abs(found.wrench - largest * load).max() <= MULTIPLE_TOLERANCE * np.abs(found.wrench).max()
+    ):
         raise InputError("is of another load than the path; simulate a multiple of it", field="found")
-    states = [(m, s.witness) for m, s in zip(path.magnitudes, path.held, strict=False) if m <= largest * (1 + SAME)]
+    states = [
+        (m, s.witness)
+        for m, s in zip(path.magnitudes, path.held, strict=False)
+        if m <= largest * (1 + MULTIPLE_TOLERANCE)
+    ]
     magnitudes = np.array([m for m, _ in states])
     return PathBeside(
         magnitudes, np.array([w.state.c[::3] for _, w in states if w is not None]),

@@ -23,9 +23,9 @@ from handfast.model.shape import Shape
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import Twin, add_jointed, add_object, add_pair, assembled, engine_spec, free_joints
 
-TOUCHES = 5e-4  # [m] what is so near where the grasp has a contact touches exactly, as the file says
+EXACT_TOUCH = 5e-4  # [m] what is so near where the grasp has a contact touches exactly, as the file says
 TIE = 1e-6  # [m] a contact that is so little nearer to one pair of surfaces is as near to another
-APART = 1.0  # [grasp sizes] parts that are farther apart at first are not watched
+WATCH_DISTANCE = 1.0  # [grasp sizes] parts that are farther apart at first are not watched
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +138,8 @@ def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, flo
                 pair = f"{name}/{n}", f"object/{k}"
                 solids |= {pair[0]: shapes[n], pair[1]: bodies.pieces[k]}
                 ids = (int(model.geom(p).id) for p in pair)
-                apart = float(mujoco.mj_geomDistance(model, data, *ids, APART, None))
-                if apart < APART:
+                apart = float(mujoco.mj_geomDistance(model, data, *ids, WATCH_DISTANCE, None))
+                if apart < WATCH_DISTANCE:
                     found[pair] = apart
     margins = dict.fromkeys(found, 0.0)
     for i, contact in enumerate(grasp.contacts):
@@ -150,7 +150,7 @@ def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, flo
         }
         pair = min(off, key=lambda p: (round(off[p] / TIE), abs(found[p])), default=("", ""))
         gap = grasp.size * found[pair] if off else np.inf
-        if abs(gap) > TOUCHES:
+        if abs(gap) > EXACT_TOUCH:
             problem = f"is off by {1e3 * gap:.3g} mm: {contact.link} does not touch the object there"
             raise InputError(problem, source=grasp.name, field=f"contacts[{i}]")
         margins[pair] = gap / grasp.size

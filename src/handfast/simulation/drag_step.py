@@ -23,10 +23,13 @@ import numpy as np
 
 from handfast.core.arrays import Array
 
-STICK = 3e-7  # [grasp sizes] motion over which a contact that sticks takes up its friction
-ROUNDS, SETTLED = 12, 1e-4  # repetitions of the normal forces in friction; their change [force units] that is none
-MOST, EXACT = 60, 1e-9  # Newton steps; forces [force units] that are taken for balanced
-SHORTEST = 1e-14  # share of a Newton step that still may help
+STICK_MOTION = 3e-7  # [grasp sizes] motion over which a contact that sticks takes up its friction
+FRICTION_ROUNDS, FRICTION_CHANGE = (
+    12,
+    1e-4,
+)  # repetitions of the normal forces in friction; their change [force units] that is none
+DRAG_NEWTON_STEPS, NEWTON_RESIDUAL = 60, 1e-9  # Newton steps; forces [force units] that are taken for balanced
+MIN_NEWTON_SHARE = 1e-14  # share of a Newton step that still may help
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +79,12 @@ def drag_step(p: StepProblem, h: float, start: Array, pressure: Array) -> tuple[
         pressure: (m,) a guess of the normal forces.
     """
     x, c = start, pressure
-    for k in range(ROUNDS):
+    for k in range(FRICTION_ROUNDS):
         x = _least(p, h, x, p.friction * c)
         now = p.pressure(x)
         change = float(np.abs(now - c).max(initial=0.0))
         c = now if k < 3 else (now + c) / 2  # where friction and pressure drive each other round, the mean is nearer
-        if change < SETTLED:
+        if change < FRICTION_CHANGE:
             break
     return x, c
 
@@ -94,18 +97,18 @@ def _least(p: StepProblem, h: float, x: Array, bound: Array) -> Array:
         alone = np.stack([p.joints, np.zeros_like(p.joints)], axis=1).reshape(-1, len(x))
         flat, b = np.vstack([flat, alone]), np.r_[b, p.dry]
     value = _energy(p, h, x, flat, b)
-    for _ in range(MOST):
+    for _ in range(DRAG_NEWTON_STEPS):
         slope, curve = _slope(p, h, x, flat, b)
-        if np.abs(slope).max() < EXACT:
+        if np.abs(slope).max() < NEWTON_RESIDUAL:
             break
         step = np.linalg.solve(curve, -slope)
         gain = 1e-4 * float(slope @ step)
         share = 1.0
         new = _energy(p, h, x + step, flat, b)
-        while new > value + share * gain and share > SHORTEST:
+        while new > value + share * gain and share > MIN_NEWTON_SHARE:
             share /= 2
             new = _energy(p, h, x + share * step, flat, b)
-        if share <= SHORTEST:
+        if share <= MIN_NEWTON_SHARE:
             break
         x, value = x + share * step, new
     return x
@@ -118,7 +121,7 @@ def _energy(p: StepProblem, h: float, x: Array, flat: Array, bound: Array) -> fl
     springs = p.stiffness / 2 * (pressed @ pressed) + p.stop_stiffness / 2 * (beyond @ beyond)
     slid = (flat @ x).reshape(-1, 2)
     far = np.sqrt((slid * slid).sum(axis=1))
-    rubbed = bound @ np.where(far > STICK, far - STICK / 2, far * far / (2 * STICK))
+    rubbed = bound @ np.where(far > STICK_MOTION, far - STICK_MOTION / 2, far * far / (2 * STICK_MOTION))
     bent = 0.0 if p.elastic is None else float(x @ p.elastic @ x) / 2
     return float((p.drag / (2 * h) * x - p.push) @ x + springs + rubbed) + bent
 
@@ -137,10 +140,10 @@ def _slope(p: StepProblem, h: float, x: Array, flat: Array, bound: Array) -> tup
         curve = curve + stiffness * A.T @ A
     slid = (flat @ x).reshape(-1, 2)
     far = np.sqrt((slid * slid).sum(axis=1))
-    length = np.maximum(far, STICK)
+    length = np.maximum(far, STICK_MOTION)
     along = slid / length[:, None]
     slope = slope + flat.T @ (bound[:, None] * along).ravel()
-    slides = (far > STICK)[:, None, None]
+    slides = (far > STICK_MOTION)[:, None, None]
     across = np.eye(2) - np.where(slides, along[:, :, None] * along[:, None, :], 0.0)
     weighted = (across * (bound / length)[:, None, None]) @ flat.reshape(len(bound), 2, len(x))
     return slope, curve + flat.T @ weighted.reshape(flat.shape)

@@ -17,7 +17,7 @@ from handfast.model.hand.joint_law import LAWS, JointLaw
 from handfast.model.mechanism import Mechanism
 
 FIELDS = {"stops": "stop", "friction": "friction", "springs": "torque"}  # of a grasp's joint, by law
-SAME = 1e-6  # relative difference of numbers that are the same but for rounding
+DRIVE_TOLERANCE = 1e-6  # relative difference of numbers that are the same but for rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def other_joints(hand: Hand, grasp: Grasp, q: Array, pose: Array) -> list[str]:
             continue
         if joint.stop != other.stop:
             found.append(f"the stop of {joint.name}")
-        if not np.isclose(joint.torque, other.torque, rtol=SAME, atol=1e-9):
+        if not np.isclose(joint.torque, other.torque, rtol=DRIVE_TOLERANCE, atol=1e-9):
             found.append(f"the given torque of {joint.name}")
     if [j.name for j in grasp.joints] == list(theirs) and not _same_drives(grasp, there):
         found.append("the motors or couplings")
@@ -145,7 +145,7 @@ def _same_drives(one: Grasp, other: Grasp) -> bool:
     a, b = one.mechanism, other.mechanism
     if a.actuators != b.actuators or a.tendon != b.tendon or a.backdrivable != b.backdrivable:
         return False
-    if not np.allclose(a.R, b.R, rtol=SAME, atol=1e-12):
+    if not np.allclose(a.R, b.R, rtol=DRIVE_TOLERANCE, atol=1e-12):
         return False
     ranks = [np.linalg.matrix_rank(A) if len(A) else 0 for A in (a.A, b.A, np.vstack([a.A, b.A]))]
     return ranks[0] == ranks[1] == ranks[2]

@@ -21,13 +21,13 @@ from handfast.model.grasp import Grasp
 
 # Grasp sizes per second, measured by benchmarks/simulation_floor.py on a slope and a pinch (docs/simulation.md): what
 # is 2 % or more below the threshold moves at 3.2e-7 at most, what is 2 % or more above it at 4.7e-5 at least.
-REST = 2.5e-7  # ten times the fastest that rests
+REST_RATE = 2.5e-7  # ten times the fastest that rests
 SLIP = 4.6e-5  # the slowest that slips
 EVIDENT = 5e-4  # what a hundredth of the force unit drives: what gives way in step with the load is slower
 CREEPS = 0.5  # of what creep grows by as friction is made softer; a slip does not heed it
-LOST = 0.5  # [grasp sizes] beyond it the contacts are others
-LEAST = 1e-4  # [force units] a smaller load that nothing resists would drift hardly faster than what rests
-FAR = 10.0  # times what the contacts give way: a grasp that jerked and moved less than this has not slipped
+LOST_DISTANCE = 0.5  # [grasp sizes] beyond it the contacts are others
+FAINT_LOAD = 1e-4  # [force units] a smaller load that nothing resists would drift hardly faster than what rests
+SLIP_FACTOR = 10.0  # times what the contacts give way: a grasp that jerked and moved less than this has not slipped
 
 
 class Ending(StrEnum):
@@ -63,11 +63,11 @@ def judge(
     """
     if broken:
         return Ending.ILL_POSED
-    if moved > LOST or rate > SLIP:
+    if moved > LOST_DISTANCE or rate > SLIP:
         return Ending.SLIPS
-    if (rate > REST and not creeping) or faint:
+    if (rate > REST_RATE and not creeping) or faint:
         return Ending.UNDECIDED
-    return Ending.SETTLES if fastest > EVIDENT and moved > FAR * yielded else Ending.HOLDS
+    return Ending.SETTLES if fastest > EVIDENT and moved > SLIP_FACTOR * yielded else Ending.HOLDS
 
 
 @dataclass(frozen=True, eq=False)

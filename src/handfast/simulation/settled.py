@@ -20,7 +20,7 @@ from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
 from handfast.proofs.fields import BadFile, Fields, numbers
-from handfast.proofs.files import SETTLED
+from handfast.proofs.files import SETTLED_SCHEMA
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import save_grasp, to_dict
 from handfast.stability.answers import CheckAnswer, MaxAnswer
@@ -204,15 +204,15 @@ def verdict_of(answer: CheckAnswer | None) -> Verdict:
     return Verdict.SLIPS if answer is None else answer.verdict
 
 
-OF_PATH = "path, moved, turned, onset: a computation in steps; nor that the last grasp is where they end"
+COURSE_NOT_REPLAYED = "path, moved, turned, onset: a computation in steps; nor that the last grasp is where they end"
 SIMULATED = "simulated, notes, seconds: recorded, and nothing rests on it"
-COURSE = "onset", "onset_of", "moved", "turned", "simulated", "notes", "seconds", "joints", "path", "grasp"
+COURSE_FIELDS = "onset", "onset_of", "moved", "turned", "simulated", "notes", "seconds", "joints", "path", "grasp"
 
 
 def replay_settled(data: Any, how: Asking) -> Replay:
     """What `check` and `maximum` said of the grasps, asked again. Raises `BadFile` and `InputError`."""
     f = Fields(data)
-    f.text("schema", among=[SETTLED])
+    f.text("schema", among=[SETTLED_SCHEMA])
     rest = Rest(f.text("rest", among=[str(r) for r in Rest]))
     first, wrench = grasp_of(f, "first"), f.numbers("wrench", (6,))
     before, confirmed = f.text("before", among=VERDICTS), f.flag("confirmed")
@@ -227,7 +227,7 @@ def replay_settled(data: Any, how: Asking) -> Replay:
     loading: Loading = "together"
     if f.has("loading"):
         loading = f.text("loading", among=["preload-first"])  # type: ignore[assignment]
-    for name in (*COURSE, "last", "after", "last_wrench"):
+    for name in (*COURSE_FIELDS, "last", "after", "last_wrench"):
         f.take(name, None)
     f.done()
 
@@ -250,7 +250,7 @@ def replay_settled(data: Any, how: Asking) -> Replay:
         begin += len(of)
         if of:
             parts.append(together(name, f"what is said of the {name} grasp under its load", told))
-    return Replay("settle", parts=(*faults, *parts), not_replayed=(OF_PATH, SIMULATED))
+    return Replay("settle", parts=(*faults, *parts), not_replayed=(COURSE_NOT_REPLAYED, SIMULATED))
 
 
 def _most(most: Any, claim: BoundsClaim) -> BoundsClaim:

@@ -30,20 +30,28 @@ from handfast.simulation.hand_drive import (
 )
 from handfast.simulation.settled import PathPoint, Rest, Settled
 from handfast.simulation.simulate import force_unit, simulate
-from handfast.simulation.slow_motion import CARRIES, FARTHEST, STIFFNESS, STILL, Moved, PointLoad, SlowMotion
+from handfast.simulation.slow_motion import (
+    CARRIES,
+    DRAG_STIFFNESS,
+    MAX_STEP_MOTION,
+    MIN_STEP_MOTION,
+    Moved,
+    PointLoad,
+    SlowMotion,
+)
 from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.answers.load_path import LoadPath, comes_after
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.studies.questions import check, maximum
 
-MOST_STEPS = 2000
-COMMANDS, LOADS = 4, 20  # equal parts in which commands and load come
+MAX_SETTLING_STEPS = 2000
+COMMAND_PARTS, LOADS = 4, 20  # equal parts in which commands and load come
 RESTING = 3  # whole steps in a row at the full load that move nothing
 SLID = 2.0  # steps' worth of the longest step: a part of the load that moves it farther made it slip
-LIMIT = Settings(timeout=20.0)
+SETTLING_SETTINGS = Settings(timeout=20.0)
 NO_STATE = "no state of the commands alone is shown: it is followed from rest"
-OFF = 1e-3  # [m] a contact of the file with none of the shapes' so near is told of
+MAX_CONTACT_GAP = 1e-3  # [m] a contact of the file with none of the shapes' so near is told of
 
 OnPath = Callable[[float, float], None]
 
@@ -111,7 +119,7 @@ class SettleOptions:
     at: Sequence[float] | Array = (0.0, 0.0, 0.0)
     follow: bool = False
     distance: float | None = None
-    steps: int = MOST_STEPS
+    steps: int = MAX_SETTLING_STEPS
     judge: bool = True
     loading: Loading = "together"
     settings: Settings | None = None
@@ -152,7 +160,7 @@ def settle(
     """
     begun = time.perf_counter()
     asked = SettleOptions(**options)
-    settings, loading = asked.settings or LIMIT, asked.loading
+    settings, loading = asked.settings or SETTLING_SETTINGS, asked.loading
     placed = grasp if isinstance(grasp, GraspInScene) else GraspInScene.of(grasp)
     grasp = placed.grasp
     grasp.refuse_soft_fingers("settling")
@@ -241,7 +249,7 @@ def _gone_on(motion: SlowMotion, placed: GraspInScene, path: LoadPath) -> PathPo
     w = path.held[-1].witness
     assert share is not None
     assert w is not None
-    per = STIFFNESS * motion.force / motion.length  # [N/m] of a contact
+    per = DRAG_STIFFNESS * motion.force / motion.length  # [N/m] of a contact
     r, q = (x / per for x in path.moved)
     axes, _ = placed.hand.joint_axes(placed.q)
     joints = {}
@@ -278,7 +286,7 @@ def _followed(
         loading = True
         path.append(_gone_on(motion, placed, of_load))
     else:
-        motion.driven, motion.share = (1.0, 1.0 / LOADS) if loading else (1.0 / COMMANDS, 0.0)
+        motion.driven, motion.share = (1.0, 1.0 / LOADS) if loading else (1.0 / COMMAND_PARTS, 0.0)
     quiet, since = 0, 0.0
     for _ in range(steps):
         done = motion.step()
@@ -287,11 +295,11 @@ def _followed(
         if on_progress:
             on_progress(motion.share, moved)
         since += done.far
-        if onset[0] is None and since > SLID * FARTHEST:
+        if onset[0] is None and since > SLID * MAX_STEP_MOTION:
             onset = (motion.share, "load") if loading else (motion.driven, "commands")
         if moved > bound:
             return path, onset, Rest.LEAVES
-        quiet = quiet + 1 if done.whole and done.far <= STILL else 0
+        quiet = quiet + 1 if done.whole and done.far <= MIN_STEP_MOTION else 0
         if quiet == 0:
             continue
         if motion.share >= 1 and quiet >= RESTING:
@@ -299,7 +307,7 @@ def _followed(
         if motion.share < 1:
             quiet, since = 0, 0.0
             if motion.driven < 1:
-                motion.driven = min(1.0, motion.driven + 1 / COMMANDS)
+                motion.driven = min(1.0, motion.driven + 1 / COMMAND_PARTS)
             else:
                 loading, motion.winding = True, True
                 motion.share = min(1.0, round(motion.share + 1 / LOADS, 9))
@@ -356,8 +364,8 @@ def _notes(placed: GraspInScene) -> tuple[str, ...]:
     except InputError as fault:
         raise InputError(f"its hand does not touch the object: {fault}", source=placed.grasp.name) from None
     apart = np.linalg.norm(placed.grasp.positions[:, None] - found[None], axis=2)
-    off = int((apart.min(axis=1) > OFF).sum())
-    more = int((apart.min(axis=0) > OFF).sum())
+    off = int((apart.min(axis=1) > MAX_CONTACT_GAP).sum())
+    more = int((apart.min(axis=0) > MAX_CONTACT_GAP).sum())
     notes = [f"{off} of the file's contacts are more than 1 mm from any contact of the shapes"] if off else []
     notes += [f"{more} contacts of the shapes are none of the file's"] if more else []
     differs = other_joints(placed.hand, placed.grasp, placed.q, placed.pose)

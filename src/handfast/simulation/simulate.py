@@ -19,25 +19,37 @@ from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds, 
 from handfast.core.transforms import transform
 from handfast.model.grasp import Grasp
 from handfast.simulation.bodies import Bodies, BodyStepper, bodies_of, build_bodies
-from handfast.simulation.result import CREEPS, EVIDENT, LEAST, LOST, REST, SLIP, Ending, SimulationResult, judge
+from handfast.simulation.result import (
+    CREEPS,
+    EVIDENT,
+    FAINT_LOAD,
+    LOST_DISTANCE,
+    REST_RATE,
+    SLIP,
+    Ending,
+    SimulationResult,
+    judge,
+)
 from handfast.simulation.stepper import Moment, Stepper
-from handfast.simulation.twin import STEP, STIFFNESS, Twin, build_twin, free_joints, load_force
+from handfast.simulation.twin import TWIN_STIFFNESS, TWIN_TIME_STEP, Twin, build_twin, free_joints, load_force
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.settings import Loading as Loading
 
 SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
-CLOSING = 1.5  # [s] over which commands grow where joints rub, whose dry friction would keep the squeeze of a jolt,
+CLOSING_END = 1.5  # [s] over which commands grow where joints rub, whose dry friction would keep the squeeze of a jolt,
 # and of hand and object themselves, which a jolt moves to where they touch otherwise than the grasp says
-AT_REST = PRELOAD - CLOSING  # [s] from then until the load begins
-HOLD, LONGEST = 2, 24  # [s] for the full load: at least, and at most while motion still fades
+REST_SECONDS = PRELOAD - CLOSING_END  # [s] from then until the load begins
+HOLD, MAX_HOLD_SECONDS = 2, 24  # [s] for the full load: at least, and at most while motion still fades
 FADES = 0.7  # a rate that is less than this share of that a second before is fading
 ELASTIC = 3.0  # times the usual speed at which a grasp gives way in step with the load: that fast it slips
 SOFTER = 10.0  # times: friction in the engine, to tell its own creep from a slip
-TOUCH = 1e-3  # of the commands comes first where they grow with the load: the hand touches before it is pulled at
-TOGETHER = 3  # commands and load grow with this power of time: in proportion to what acts already, never abruptly
+TOUCH_COMMAND = (
+    1e-3  # of the commands comes first where they grow with the load: the hand touches before it is pulled at
+)
+GROWTH_POWER = 3  # commands and load grow with this power of time: in proportion to what acts already, never abruptly
 SAMPLE = 0.02  # [s] between two moments of the history
-WINDOW = 25  # moments over which the rate at the end is taken, 0.5 s
+RATE_WINDOW = 25  # moments over which the rate at the end is taken, 0.5 s
 
 OnTime = Callable[[float, float], None]
 
@@ -66,8 +78,8 @@ class SimulationOptions:
     loading: Loading = "preload-first"
     ramp: float = 8.0
     closing: float | None = None
-    step: float = STEP
-    stiffness: float = STIFFNESS
+    step: float = TWIN_TIME_STEP
+    stiffness: float = TWIN_STIFFNESS
 
     def __post_init__(self) -> None:
         refuse_other_kinds(self)
@@ -194,7 +206,7 @@ def simulate_bodies(
     how = {"step": asked.step, "stiffness": asked.stiffness}
     twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), **how)
     recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), asked.step, asked.seconds, on_progress)
-    closing = CLOSING if asked.closing is None else asked.closing
+    closing = CLOSING_END if asked.closing is None else asked.closing
     recording.run(asked.ramp, preload=asked.preload_first, commands=not asked.preload_first, closing=closing)
     return recording.result(grasp, w, asked.loading, twin, asked.stiffness, bodies=True)
 
@@ -208,8 +220,8 @@ class Recording:
     Attributes:
         history: the moments.
         before: how many of them were the preload's.
-        rate: of the fastest contact over the last `WINDOW` moments [grasp sizes/s], before friction was made softer.
-        creeping: whether that rate is the engine's own.
+        rate: of the fastest contact over the last `RATE_WINDOW` moments [grasp sizes/s], before friction was made
+        softer. creeping: whether that rate is the engine's own.
         why: what broke the engine down; '' if nothing did.
     """
 
@@ -222,24 +234,24 @@ class Recording:
 
     @property
     def _lost(self) -> bool:
-        return bool(self.history) and self.history[-1].moved > LOST
+        return bool(self.history) and self.history[-1].moved > LOST_DISTANCE
 
     def run(self, ramp: float, *, preload: bool, commands: bool, closing: float | None = None) -> None:
         """The commands if `preload`, within `closing` [s], then the load within `ramp` [s], then the wait for rest.
 
-        A `closing` of 0 is at once. With `commands` these grow along with the load, but for the `TOUCH` of them that
-        comes first.
+        A `closing` of 0 is at once. With `commands` these grow along with the load, but for the `TOUCH_COMMAND` of them
+        that comes first.
         """
         s = self.stepper
         try:
             if preload or commands:
                 s.winding = False  # until all commands act: what closes first does not keep what it gained by that
                 if commands:
-                    s.command(TOUCH)
-                slowly = CLOSING * s.rubs if closing is None else closing
+                    s.command(TOUCH_COMMAND)
+                slowly = CLOSING_END * s.rubs if closing is None else closing
                 if preload and slowly:
                     self._close(slowly)
-                self._go(AT_REST if preload and slowly else PRELOAD, 0.0)
+                self._go(REST_SECONDS if preload and slowly else PRELOAD, 0.0)
                 s.winding, self.before = True, len(self.history)
             if ramp:
                 self._go(ramp, 1.0, commands=commands)
@@ -261,13 +273,13 @@ class Recording:
     def _go(self, seconds: float, grow: float, *, commands: bool = False) -> None:
         count = max(round(seconds / SAMPLE), 1)
         each = max(round(SAMPLE / self._step), 1)
-        power = TOGETHER if commands else 1
+        power = GROWTH_POWER if commands else 1
         shares = grow * (np.arange(count + 1) / count) ** power
         for share, more in pairwise(shares):
             if self._lost:
                 return
             if commands:
-                self.stepper.command(TOUCH + (1 - TOUCH) * more)
+                self.stepper.command(TOUCH_COMMAND + (1 - TOUCH_COMMAND) * more)
             self.stepper.run(each, (more - share) / each)
             self.history.append(self.stepper.moment())
             if self._on_progress is not None:
@@ -276,21 +288,21 @@ class Recording:
     def _wait(self) -> None:
         """Until it rests, drives on without fading, or time is up; then tell what creeps from what slips."""
         before = np.inf
-        for second in range(1, LONGEST + 1):
+        for second in range(1, MAX_HOLD_SECONDS + 1):
             self._go(1.0, 0.0)
             self.rate = self._rate_now()
             fades = self.rate < FADES * before
             before = self.rate
-            if self._lost or (second >= HOLD and (self.rate <= REST or not fades)):
+            if self._lost or (second >= HOLD and (self.rate <= REST_RATE or not fades)):
                 break
-        if REST < self.rate <= SLIP and not self._lost:
+        if REST_RATE < self.rate <= SLIP and not self._lost:
             self.stepper.soften(SOFTER)
             self._go(1.0, 0.0)
             self.creeping = self._rate_now() > CREEPS * SOFTER * self.rate
             self.stepper.soften(1.0)
 
     def _rate_now(self) -> float:
-        last = self.history[max(len(self.history) - 1 - WINDOW, 0)]
+        last = self.history[max(len(self.history) - 1 - RATE_WINDOW, 0)]
         now = self.history[-1]
         gone = np.linalg.norm(now.places - last.places, axis=1).max()
         return float(gone / max(now.time - last.time, self._step))
@@ -307,7 +319,7 @@ class Recording:
         speed = np.array([h.speed for h in history])
         after = speed[before:] if len(speed) > before else speed
         sought = load_force(wrench, length)
-        faint = 0 < sought < LEAST * force
+        faint = 0 < sought < FAINT_LOAD * force
         start = min(max(before - 1, 0), len(history) - 1)
         forces = np.array([h.forces for h in history])
         yielded = float(forces[:, :, 0].max()) / stiffness
@@ -316,7 +328,9 @@ class Recording:
             self.rate, float(after.max()), travelled, yielded, broken=bool(why), faint=faint, creeping=self.creeping
         )
         if faint and ending is Ending.UNDECIDED:
-            why = f"the load is below {100 * LEAST:g} % of the largest force; the engine could not tell it from none"
+            why = (
+                f"the load is below {100 * FAINT_LOAD:g} % of the largest force; the engine could not tell it from none"
+            )
         load = np.array([h.load for h in history])
         onset = _onset(load, speed, after, before, ending) if loading == "preload-first" else None
         scale = np.array([1.0 if grasp.joints[j].type == "revolute" else length for j in free])

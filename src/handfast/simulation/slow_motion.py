@@ -12,19 +12,21 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.core.transforms import cross, normal_frame, transform
-from handfast.geometry.contact_patch import FLAT
+from handfast.geometry.contact_patch import FACE_DEPTH
 from handfast.geometry.contacts import patch_corners
 from handfast.geometry.scene import HandObjectPair, Scene
 from handfast.model.shape import Shape
 from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.hand_drive import JointResistance, MotorDrive
 
-STIFFNESS = 3e3  # of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
+DRAG_STIFFNESS = (
+    3e3  # of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
+)
 HARDER = 100.0  # times as stiff are gearings and joint stops
-LONGEST = 100.0  # duration of a step in which the force unit would drive a free object by as many grasp sizes
-FARTHEST = 7.5e-3  # [grasp sizes, rad] that anything moves in a step; beyond it the step is made shorter
-TRIES = 8  # of shorter steps
-STILL = 1e-5  # [grasp sizes, rad] a step in which nothing moves farther moves nothing
+MAX_STEP_DURATION = 100.0  # duration of a step in which the force unit would drive a free object by as many grasp sizes
+MAX_STEP_MOTION = 7.5e-3  # [grasp sizes, rad] that anything moves in a step; beyond it the step is made shorter
+STEP_TRIES = 8  # of shorter steps
+MIN_STEP_MOTION = 1e-5  # [grasp sizes, rad] a step in which nothing moves farther moves nothing
 CARRIES = 1e-4  # [force units] a contact with less carries nothing
 Pair = tuple[int, int, int]  # link, its shape, piece of the object
 FLATTEST = 1e-3  # [m] points of a feature nearer to each other than this tell nothing of its tilt
@@ -104,7 +106,7 @@ class SlowMotion:
         limits = np.vstack([self.hand.limits, *(t.law.stops for t in tendons)])
         at = self._ends @ self.q
         self._limits = np.minimum(limits[:, 0], at), np.maximum(limits[:, 1], at)
-        self._duration, self._farthest = LONGEST, FARTHEST
+        self._duration, self._farthest = MAX_STEP_DURATION, MAX_STEP_MOTION
         self._last = np.zeros(0)
         self._pressure: dict[Pair, list[float]] = {}
 
@@ -130,14 +132,14 @@ class SlowMotion:
         self._gear = np.maximum(self._gear, self._sense * (self.drive.rows @ self.q))
 
     def step(self) -> Moved:
-        """One step, as far as nothing moves farther than `FARTHEST`."""
-        reach = 2 * FARTHEST * self.length
+        """One step, as far as nothing moves farther than `MAX_STEP_MOTION`."""
+        reach = 2 * MAX_STEP_MOTION * self.length
         points = touch_points(self.scene, self.q, self.pose, reach, self._rest)
         basis = self._basis()
         problem, motions = self._problem(points, basis)
         x, c = np.zeros(len(problem.drag)), self._guess(points)
-        h = min(LONGEST, 8 * self._duration)
-        for _ in range(TRIES):
+        h = min(MAX_STEP_DURATION, 8 * self._duration)
+        for _ in range(STEP_TRIES):
             x, c = drag_step(problem, h, x, c)
             far = self._far(x, basis, motions)
             if far <= self._farthest:
@@ -151,15 +153,15 @@ class SlowMotion:
         self._apply(x, basis)
         pressure = problem.pressure(x)
         self._keep(points, pressure)
-        return Moved(points, self.force * pressure, far, h >= LONGEST)
+        return Moved(points, self.force * pressure, far, h >= MAX_STEP_DURATION)
 
     def _damp(self, x: Array, far: float) -> None:
         """Let steps that undo each other, as about an axis that little turns the object about, be ever shorter."""
         last, self._last = self._last, x
-        if len(last) == len(x) and far > STILL and x @ last < -0.5 * np.linalg.norm(x) * np.linalg.norm(last):
+        if len(last) == len(x) and far > MIN_STEP_MOTION and x @ last < -0.5 * np.linalg.norm(x) * np.linalg.norm(last):
             self._farthest = min(self._farthest, far) / 2
         else:
-            self._farthest = min(FARTHEST, 1.5 * self._farthest)
+            self._farthest = min(MAX_STEP_MOTION, 1.5 * self._farthest)
 
     @property
     def middle(self) -> Array:
@@ -206,7 +208,16 @@ class SlowMotion:
         mu = np.array([self._mu[i] for i in points.links])
         drag = np.r_[np.ones(3), np.full(3, 0.4), np.ones(k)]
         problem = StepProblem(
-            drag, push, local[:, 0], local[:, 1:], points.depths / L, STIFFNESS, mu, stops, room, HARDER * STIFFNESS
+            drag,
+            push,
+            local[:, 0],
+            local[:, 1:],
+            points.depths / L,
+            DRAG_STIFFNESS,
+            mu,
+            stops,
+            room,
+            HARDER * DRAG_STIFFNESS,
         )
         return (self._resisted(problem, elastic, basis) if self._resistance.laws else problem), motions
 
@@ -240,7 +251,7 @@ class SlowMotion:
         size = np.linalg.norm(rows, axis=1)
         kept = (size > 1e-9) & np.isfinite(rooms)
         rows, rooms, size = rows[kept], rooms[kept], size[kept]
-        near = rooms / size <= 4 * FARTHEST
+        near = rooms / size <= 4 * MAX_STEP_MOTION
         return np.hstack([np.zeros((int(near.sum()), 6)), rows[near] / size[near, None]]), (rooms / size)[near]
 
     def _far(self, x: Array, basis: Array, motions: Array) -> float:
@@ -341,7 +352,7 @@ def _points(p: HandObjectPair, solids: list[Shape], pieces: list[Shape]) -> tupl
 
 def _height(solid: Shape, n: Array, plane: Array, at: Array) -> Array:
     """(k,) how far the supporting edge or face of a solid reaches along n at points of a patch."""
-    points = solid.feature(n, FLAT)
+    points = solid.feature(n, FACE_DEPTH)
     middle = points.mean(axis=0)
     flat = (points - middle) @ plane
     _, s, V = np.linalg.svd(flat, full_matrices=False)

@@ -10,7 +10,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.transforms import cross, matrix_quaternion
 from handfast.model.grasp import Grasp
-from handfast.simulation.twin import CREEP_RATIO, DRAG_TIME, Twin
+from handfast.simulation.twin import DRAG_TIME, TWIN_CREEP_RATIO, Twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class Stepper:
 
     def soften(self, times: float) -> None:
         """Make what the engine gives way in sticking contacts so many times as large; it creeps as much faster."""
-        self._model.opt.impratio = CREEP_RATIO / times
+        self._model.opt.impratio = TWIN_CREEP_RATIO / times
 
     def command(self, share: float) -> None:
         """From now on every motor has this share of its command, and joints of their given torques and friction.

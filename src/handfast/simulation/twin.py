@@ -18,16 +18,26 @@ from handfast.core.arrays import Array
 from handfast.core.transforms import matrix_quaternion, normal_frame
 from handfast.model.grasp import Contact, Grasp
 
-STEP = 1e-3  # [s]
-STIFFNESS = 1e5  # of a contact [force unit / length unit]: the force unit presses it in by 1e-5 of the grasp's size
+TWIN_TIME_STEP = 1e-3  # [s]
+TWIN_STIFFNESS = (
+    1e5  # of a contact [force unit / length unit]: the force unit presses it in by 1e-5 of the grasp's size
+)
 CONTACT_RATE = 100.0  # [1/s] at which a pressed contact comes to rest, critically damped
 FRICTION_RATE = 20.0  # [1/s] at which a sticking contact does; mujoco lifts a sliding contact in proportion to it
-CREEP_RATIO = 1e5  # mujoco's impratio: how much stiffer a contact is against sliding than against pressing
+TWIN_CREEP_RATIO = 1e5  # mujoco's impratio: how much stiffer a contact is against sliding than against pressing
 DRAG_TIME = 0.05  # [s] after which what nothing drives has stopped: motion is slow, as the question is about rest
 TIP = 0.02  # [length unit] radius of the sphere that stands for a finger at a contact
-RIGID = (2 * STEP, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solref and solimp of couplings and gearings: all but rigid
-FAR = 1e3  # [rad, length unit] no joint gets there
-STOPS = {"": (-FAR, FAR), "lower": (0.0, FAR), "upper": (-FAR, 0.0), "both": (-1e-9, 0.0)}
+RIGID_COUPLING = (
+    (2 * TWIN_TIME_STEP, 1.0),
+    (0.9999, 0.9999, 0.001, 0.5, 2.0),
+)  # solref and solimp of couplings and gearings: all but rigid
+UNLIMITED_RANGE = 1e3  # [rad, length unit] no joint gets there
+STOP_RANGES = {
+    "": (-UNLIMITED_RANGE, UNLIMITED_RANGE),
+    "lower": (0.0, UNLIMITED_RANGE),
+    "upper": (-UNLIMITED_RANGE, 0.0),
+    "both": (-1e-9, 0.0),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +76,7 @@ class Twin:
         return np.r_[wrench[:3], wrench[3:] / self.length] / self.force
 
 
-def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: float = STIFFNESS) -> Twin:
+def build_twin(grasp: Grasp, force: float, *, step: float = TWIN_TIME_STEP, stiffness: float = TWIN_STIFFNESS) -> Twin:
     """The twin of a grasp under its commands; `force` [N] is the unit.
 
     Args:
@@ -92,7 +102,7 @@ def engine_spec(step: float) -> Any:
     spec.option.timestep = step
     spec.option.gravity = (0.0, 0.0, 0.0)
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = CREEP_RATIO
+    spec.option.impratio = TWIN_CREEP_RATIO
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     # to the last digit: a solver that stops earlier leaves accelerations by which contacts at their cones walk
@@ -138,14 +148,14 @@ def assembled(
     held = [(int(model.tendon(f"gear {g.name}").id), g.winds) for g in gears if g.holds]
     for t, _ in held:
         model.tendon_limited[t], model.tendon_range[t] = 1, (0.0, 1e3)
-        model.tendon_solref_lim[t], model.tendon_solimp_lim[t] = RIGID
+        model.tendon_solref_lim[t], model.tendon_solimp_lim[t] = RIGID_COUPLING
     given = np.zeros(model.nv)
     for j, at, one in zip(free, address, unit, strict=True):
         torque_unit = force * length / one  # [N m, N]
         given[at] = grasp.joints[j].torque / torque_unit
         if grasp.joints[j].friction:
             model.dof_frictionloss[at] = grasp.joints[j].friction / torque_unit
-            model.dof_solref[at], model.dof_solimp[at] = RIGID
+            model.dof_solref[at], model.dof_solimp[at] = RIGID_COUPLING
     command = np.array([g.command / force for g in gears])
     stands, winds = tuple(t for t, _ in held), tuple(w for _, w in held)
     return Twin(model, length, force, free, places, address, drive, command, stands, winds, given)
@@ -223,7 +233,7 @@ def _add_hand(spec: Any, grasp: Grasp, free: tuple[int, ...], length: float) -> 
             if names[k]:
                 tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=name, name2=names[k][0])
                 tie.objtype = mujoco.mjtObj.mjOBJ_JOINT
-                tie.data[:5], tie.solref, tie.solimp = [0, 1, 0, 0, 0], *RIGID
+                tie.data[:5], tie.solref, tie.solimp = [0, 1, 0, 0, 0], *RIGID_COUPLING
             names[k].append(name)
             bodies[path[:end]] = body
     for i, (path, contact) in enumerate(zip(paths, grasp.contacts, strict=True)):
@@ -249,7 +259,8 @@ def add_jointed(parent: Any, name: str, grasp: Grasp, j: int) -> Any:
     body.add_joint(
         name=name, type=kind, axis=joint.axis.tolist(), pos=(joint.origin / length).tolist(),
         armature=arm**2 if turns else 0.0, damping=[arm**2 / DRAG_TIME, 0, 0],
-        limited=bool(joint.stop), range=STOPS[joint.stop], solref_limit=RIGID[0], solimp_limit=RIGID[1],
+        limited=bool(joint.stop), range=STOP_RANGES[joint.stop], solref_limit=RIGID_COUPLING[0],
+        solimp_limit=RIGID_COUPLING[1],
     )  # fmt: skip
     return body
 
@@ -287,7 +298,7 @@ def _add_rows(spec: Any, grasp: Grasp, free: tuple[int, ...], names: list[list[s
         _add_tendon(spec, f"row {r}", row * unit, names)
         tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_TENDON, name1=f"row {r}")
         tie.objtype = mujoco.mjtObj.mjOBJ_TENDON
-        tie.data[:5], tie.solref, tie.solimp = [0, 0, 0, 0, 0], *RIGID
+        tie.data[:5], tie.solref, tie.solimp = [0, 0, 0, 0, 0], *RIGID_COUPLING
 
 
 def _add_tendon(spec: Any, name: str, row: Array, names: list[list[str]]) -> None:

@@ -17,8 +17,8 @@ from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_groups import POSE
 
-LENGTH = 0.1  # [m] that counts as much as a radian
-APART = 1e-3  # configurations nearer than this are the same one
+RADIAN_LENGTH = 0.1  # [m] that counts as much as a radian
+DISTINCT_DISTANCE = 1e-3  # configurations nearer than this are the same one
 
 
 def features(solutions: Sequence[Solution]) -> Array:
@@ -34,12 +34,12 @@ def features_of(task: Task, coordinates: Array) -> Array:
     names = task.free
     nj = len(names)
     straight = np.array([task.hand.joints[task.hand.joint(n)].type == "prismatic" for n in names], dtype=bool)
-    joints = coordinates[:, :nj] / np.where(straight, LENGTH, 1.0)
-    position = coordinates[:, nj : nj + 3] / LENGTH
+    joints = coordinates[:, :nj] / np.where(straight, RADIAN_LENGTH, 1.0)
+    position = coordinates[:, nj : nj + 3] / RADIAN_LENGTH
     turn = _rotations(coordinates[:, nj + 3 : nj + POSE]).reshape(-1, 9) / np.sqrt(2)
     spots, column = [], nj + POSE
     for pair in task.contact_pairs:
-        spots.append(pair.object.at(coordinates[:, column], coordinates[:, column + 1]) / LENGTH)
+        spots.append(pair.object.at(coordinates[:, column], coordinates[:, column + 1]) / RADIAN_LENGTH)
         column += 2 if pair.hand.ball else 4
     return np.hstack([joints, position, turn, *spots])
 
@@ -47,13 +47,13 @@ def features_of(task: Task, coordinates: Array) -> Array:
 def farthest(at: Array, count: int) -> Indices:
     """Indices of at most `count` of the points (N, .): the first, then each time the one farthest from all chosen.
 
-    Points nearer than `APART` to a chosen one are left out.
+    Points nearer than `DISTINCT_DISTANCE` to a chosen one are left out.
     """
     chosen = [0]
     gap = np.linalg.norm(at - at[0], axis=1)
     while len(chosen) < count:
         next_one = int(gap.argmax())
-        if gap[next_one] < APART:
+        if gap[next_one] < DISTINCT_DISTANCE:
             break
         chosen.append(next_one)
         gap = np.minimum(gap, np.linalg.norm(at - at[next_one], axis=1))

@@ -10,9 +10,11 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.synthesis.task import PoseBounds
 
-SLACK = 1e-9  # an equation of the rotation may fail by this much: far more than rounding, far less than a bound
-BOXES = 1024  # parts of the bounds that are looked at before the question is left to the search
-SHRINK = 4  # passes over the equations for each part
+ROTATION_SLACK = (
+    1e-9  # an equation of the rotation may fail by this much: far more than rounding, far less than a bound
+)
+POSE_CHECK_BOXES = 1024  # parts of the bounds that are looked at before the question is left to the search
+NARROWING_PASSES = 4  # passes over the equations for each part
 
 
 def refuse_contradiction(pose: PoseBounds) -> None:
@@ -40,7 +42,7 @@ def _empty(axes: Array) -> bool:
     while len(boxes):
         boxes = _contracted(boxes)
         seen += len(boxes)
-        if seen > BOXES or (len(boxes) and _met(axes, boxes)):
+        if seen > POSE_CHECK_BOXES or (len(boxes) and _met(axes, boxes)):
             return False
         boxes = _halves(boxes)
     return True
@@ -51,7 +53,7 @@ def _met(axes: Array, boxes: Array) -> bool:
     U, _, Vt = np.linalg.svd(boxes.mean(axis=3).swapaxes(1, 2))
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
     Rt = (U @ Vt).swapaxes(1, 2)
-    return bool(((Rt >= axes[..., 0] - SLACK) & (Rt <= axes[..., 1] + SLACK)).all(axis=(1, 2)).any())
+    return bool(((Rt >= axes[..., 0] - ROTATION_SLACK) & (Rt <= axes[..., 1] + ROTATION_SLACK)).all(axis=(1, 2)).any())
 
 
 def _halves(boxes: Array) -> Array:
@@ -66,24 +68,24 @@ def _halves(boxes: Array) -> Array:
 def _contracted(boxes: Array) -> Array:
     """The boxes (n, 3, 3, 2) without what the equations of a rotation exclude; empty ones are left out."""
     boxes = boxes.copy()
-    for _ in range(SHRINK):
+    for _ in range(NARROWING_PASSES):
         for M in (boxes, boxes.swapaxes(1, 2)):  # a view: the columns, then the rows
             for k in range(3):
                 a, b, c = M[:, k], M[:, (k + 1) % 3], M[:, (k + 2) % 3]
                 for i in range(3):
                     squares = _square(a)
                     rest = 1 - (squares.sum(axis=1) - squares[:, i])[:, ::-1]
-                    most = np.sqrt(np.maximum(rest[:, 1] + SLACK, 0))
+                    most = np.sqrt(np.maximum(rest[:, 1] + ROTATION_SLACK, 0))
                     _meet(a[:, i], np.stack([-most, most], axis=1))
                     j, l = (i + 1) % 3, (i + 2) % 3
                     cross = _product(b[:, j], c[:, l]) - _product(b[:, l], c[:, j])[:, ::-1]
-                    _meet(a[:, i], cross + np.array([-SLACK, SLACK]))
+                    _meet(a[:, i], cross + np.array([-ROTATION_SLACK, ROTATION_SLACK]))
                 length = _square(a).sum(axis=1)
                 dot = _product(a, b).sum(axis=1)
-                wrong = (length[:, 0] > 1 + SLACK) | (length[:, 1] < 1 - SLACK)
-                wrong |= (dot[:, 0] > SLACK) | (dot[:, 1] < -SLACK)
+                wrong = (length[:, 0] > 1 + ROTATION_SLACK) | (length[:, 1] < 1 - ROTATION_SLACK)
+                wrong |= (dot[:, 0] > ROTATION_SLACK) | (dot[:, 1] < -ROTATION_SLACK)
                 a[wrong, 0] = [2.0, -2.0]  # an empty interval stays one
-        boxes = boxes[(boxes[..., 0] <= boxes[..., 1] + SLACK).all(axis=(1, 2))]
+        boxes = boxes[(boxes[..., 0] <= boxes[..., 1] + ROTATION_SLACK).all(axis=(1, 2))]
         if not len(boxes):
             break
     return boxes

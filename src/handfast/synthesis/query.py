@@ -20,7 +20,7 @@ from handfast.core.answer import Reach, SearchLimits, Stop
 from handfast.core.errors import InputError, kinds_checked
 from handfast.synthesis.distance import farthest, features_of
 from handfast.synthesis.embedded_task import fingerprint, task_to_dict
-from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks
+from handfast.synthesis.search.starts import START_BLOCK, Certified, Starts, Walks
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Searched, Synthesis
 from handfast.synthesis.task import Task
@@ -29,12 +29,12 @@ from handfast.synthesis.task_problem import TaskProblem
 if TYPE_CHECKING:
     from handfast.synthesis.search.prover import Disproof, Prover
 
-FIRST = 2  # blocks of starts before the prover has its first turn
+FIRST_BLOCKS = 2  # blocks of starts before the prover has its first turn
 BETWEEN = 2  # blocks between two of its turns
-LAST = 8  # blocks after it has come to its resolution and can show no more
-TURN, LONGEST = 1.0, 60.0  # [s] its first turn and its longest one, each twice the one before
+LAST_BLOCKS = 8  # blocks after it has come to its resolution and can show no more
+FIRST_TURN_SECONDS, MAX_TURN_SECONDS = 1.0, 60.0  # [s] its first turn and its longest one, each twice the one before
 POOL, SMALLEST_POOL = 8, 128  # configurations from which each that is asked for is chosen; and at least
-GROWN = 4  # times that a pool is doubled where too few in it differ
+POOL_DOUBLINGS = 4  # times that a pool is doubled where too few in it differ
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class _Run:
     def search(self) -> None:
         """Until it is answered or a limit is hit; sets `stop`."""
         if not self.state:
-            self._some_starts(FIRST)
+            self._some_starts(FIRST_BLOCKS)
         if not self.pool:
             self._contradiction()
         if self.count == 1 and self.pool:
@@ -159,7 +159,7 @@ class _Run:
     def _some_starts(self, blocks: int) -> None:
         """Blocks of starts until one of them finds something."""
         for _ in range(blocks):
-            self.pool += self.starts.run(1 if self.count == 1 else BLOCK)
+            self.pool += self.starts.run(1 if self.count == 1 else START_BLOCK)
             self._tell()
             if self.pool or self.limits.late:
                 return
@@ -170,7 +170,7 @@ class _Run:
             return
         from handfast.synthesis.search.prover import Prover
 
-        prover, turn, last = Prover(self.problem, workers=self.jobs), 0.0, LAST
+        prover, turn, last = Prover(self.problem, workers=self.jobs), 0.0, LAST_BLOCKS
         if self.state:
             _restore(prover, self.state)
         self.prover, begin = prover, prover.nodes
@@ -192,7 +192,7 @@ class _Run:
                 self.pool += self.starts.near(prover.leaves())
                 if not self.pool:
                     self._some_starts(BETWEEN)
-                turn = min(2 * turn, LONGEST) or TURN
+                turn = min(2 * turn, MAX_TURN_SECONDS) or FIRST_TURN_SECONDS
                 continue
             return
 
@@ -203,7 +203,7 @@ class _Run:
         wanted = max(POOL * self.count, SMALLEST_POOL)
         with self.limits.paused():  # it compiles
             walks = Walks(self.starts)
-        for _ in range(GROWN):
+        for _ in range(POOL_DOUBLINGS):
             self._grow(walks, wanted)
             self.chosen = self._differing()
             if len(self.chosen) == self.count:
@@ -224,7 +224,7 @@ class _Run:
 
     def _grow(self, walks: Walks, wanted: int) -> None:
         """Fill the pool, by halves from random starts and from steps, as long as there is time."""
-        blocks = rounds = 2 * -(-wanted // BLOCK)
+        blocks = rounds = 2 * -(-wanted // START_BLOCK)
         while len(self.pool) < wanted / 2 and blocks and not self.limits.late:
             self.pool += self.starts.run()
             self._tell(wanted=wanted)

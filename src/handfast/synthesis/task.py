@@ -16,7 +16,7 @@ from handfast.model.hand.hand import Coupling, Hand, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap, Region
 
-PAD = np.array([0.5, 0.0, 0.87])  # middle of the pad in a distal frame: palmar, a little towards the tip
+PAD_DIRECTION = np.array([0.5, 0.0, 0.87])  # middle of the pad in a distal frame: palmar, a little towards the tip
 PAD_HALF_ANGLE = np.radians(60)
 
 
@@ -214,7 +214,7 @@ def fingertip(hand: Hand, link: str) -> Cap:
     if not balls:
         raise InputError("has no sphere among its shapes; a spherical fingertip is needed", field=link)
     tip = max(balls, key=lambda s: float(s.pose[0, 3]))
-    return Cap(tip.pose[:3, 3], tip.size[0], PAD, PAD_HALF_ANGLE)
+    return Cap(tip.pose[:3, 3], tip.size[0], PAD_DIRECTION, PAD_HALF_ANGLE)
 
 
 def _face(side: float, x: float, half: float) -> Bezier:

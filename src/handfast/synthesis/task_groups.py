@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from handfast.core.groups import RealArrays4, RealMatrices, RealMatrix, Reals, WholeMatrix, Wholes
 
-CAP, PATCH, SIDE = 0, 1, 2  # kinds of regions
+CAP_REGION, PATCH_REGION, SIDE_REGION = 0, 1, 2  # kinds of regions
 REVOLUTE, PRISMATIC = 0, 1  # kinds of joints
 POSE = 7  # coordinates of the object's pose, the last before the region parameters
 QUATERNION = 4  # of these that turn it, the last

@@ -34,18 +34,18 @@ from handfast.model.hand.hand import Hand
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_groups import (
-    CAP,
-    PATCH,
+    CAP_REGION,
+    PATCH_REGION,
     PRISMATIC,
     REVOLUTE,
-    SIDE,
+    SIDE_REGION,
     Chains,
     Coordinates,
     Flat,
     Regions,
 )
 
-NUMBERS = 19  # of a surface that is no patch, at most
+SURFACE_NUMBERS = 19  # of a surface that is no patch, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,19 +234,19 @@ def _regions(task: Task, unit: float) -> Regions:
             cone[k] = np.cos(ball.half_angle) if ball.half_angle < np.pi else -2.0
     surfaces = [*(t.object for t in task.contact_pairs), *(t.hand for t in task.contact_pairs)]
     kind, degree = np.zeros(2 * b, dtype=np.intp), np.zeros((2 * b, 2), dtype=np.intp)
-    first, numbers = np.zeros(2 * b, dtype=np.intp), np.zeros((2 * b, NUMBERS))
+    first, numbers = np.zeros(2 * b, dtype=np.intp), np.zeros((2 * b, SURFACE_NUMBERS))
     points: list[Array] = [np.zeros((1, 3))]
     for which, region in enumerate(surfaces):
         match region:
             case Bezier():
-                kind[which], degree[which], first[which] = PATCH, region.degree, sum(len(p) for p in points)
+                kind[which], degree[which], first[which] = PATCH_REGION, region.degree, sum(len(p) for p in points)
                 points.append(region.points.reshape(-1, 3) / unit)
             case Cap():  # its frame row by row, its centre and radius
-                kind[which] = CAP
+                kind[which] = CAP_REGION
                 numbers[which, :13] = [*region.frame.ravel(), *(region.center / unit), region.radius / unit]
             case RoundSide():  # its frame, the lowest point of its axis and radius, first angle, turn, length and
                 # growth, what of its normal points away from the axis, and along it
-                kind[which], lowest = SIDE, region.center + region.heights[0] * region.axis
+                kind[which], lowest = SIDE_REGION, region.center + region.heights[0] * region.axis
                 numbers[which, :13] = [*region.frame.ravel(), *(lowest / unit), region.radii[0] / unit]
                 numbers[which, 13:15] = region.angles[0], region.turn
                 numbers[which, 15:17] = region.length / unit, region.growth / unit

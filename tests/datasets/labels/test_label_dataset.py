@@ -14,14 +14,14 @@ from handfast.core import parallel
 from handfast.core.errors import InputError
 from handfast.datasets.dataset_rows import GraspChanges
 from handfast.datasets.labels import label_dataset as run_module
-from handfast.datasets.labels.label_columns import COLUMNS
+from handfast.datasets.labels.label_columns import LABEL_COLUMNS
 from handfast.datasets.labels.label_dataset import LabelProgress, label_dataset
 from handfast.datasets.labels.label_files import PartFolder, folder_of, load_labels
 from handfast.datasets.labels.labeller import Labelling
 from tests.support.labelled import broken_rows, fixture, heavy, write_lines
 
 LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), nodes=300)
-COURSE = {c.name for c in COLUMNS if c.course}
+COURSE = {c.name for c in LABEL_COLUMNS if c.course}
 
 
 @pytest.fixture

@@ -8,7 +8,16 @@ from typing import Any
 
 import pytest
 
-from handfast.datasets.labels.label_columns import COLUMNS, KEPT, NAMES, SCHEMA, LabelSummary, broken, complete, edges
+from handfast.datasets.labels.label_columns import (
+    COLUMN_NAMES,
+    LABEL_COLUMNS,
+    SCHEMA,
+    SUMMARY_COLUMNS,
+    LabelSummary,
+    broken,
+    complete,
+    edges,
+)
 from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.label_files import BrokenFile, LinesFormat, load_labels
 from handfast.datasets.labels.labeller import Labelling
@@ -44,10 +53,10 @@ def test_the_metadata_say_units_and_what_was_asked(tables: tuple[Path, Path]) ->
     about = json.loads(schema.metadata[b"handfast"])
     assert about["schema"] == SCHEMA
     assert about["questions"]["gravity"] == [[0, 0, -1]]
-    assert [c["name"] for c in about["columns"]] == list(NAMES) == schema.names
+    assert [c["name"] for c in about["columns"]] == list(COLUMN_NAMES) == schema.names
     beside = json.loads(tables[1].with_name("a.jsonl.about.json").read_text())
     assert beside == about
-    for column in COLUMNS:
+    for column in LABEL_COLUMNS:
         assert schema.field(column.name).metadata == {b"unit": column.unit.encode(), b"about": column.about.encode()}
 
 
@@ -94,5 +103,5 @@ def test_a_summary_counts() -> None:
     assert summary.spread["weight_factor"]["holds"][-1] == 1  # beyond the last edge
     assert summary.spread["worst_force"]["holds"][0] == 1
     assert summary.spread["largest_command"] == {}
-    assert set(KEPT) <= set(NAMES)
+    assert set(SUMMARY_COLUMNS) <= set(COLUMN_NAMES)
     assert edges("worst_force")[0] == pytest.approx(1e-3)

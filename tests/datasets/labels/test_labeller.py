@@ -8,8 +8,15 @@ import pytest
 from benchmarks.grasps import random_case
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
-from handfast.datasets.labels.label_columns import COLUMNS, MEASURES, NAMES, WRENCHES, complete, wrench_column
-from handfast.datasets.labels.labeller import AXES, Labelling, label, spread
+from handfast.datasets.labels.label_columns import (
+    COLUMN_NAMES,
+    LABEL_COLUMNS,
+    MEASURES,
+    WRENCHES,
+    complete,
+    wrench_column,
+)
+from handfast.datasets.labels.labeller import LABEL_DIRECTIONS, Labelling, label, spread
 from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions
 from handfast.measures.catalogue import CATALOGUE
 from handfast.measures.measuring import measure
@@ -44,7 +51,7 @@ def test_columns_are_what_the_questions_answer(grasp: Grasp) -> None:
         low, high = said[wrench_column(name)], said[f"{wrench_column(name)}_upper"]
         assert low <= best.upper * (1 + 1e-9)
         assert best.lower <= (np.inf if high is None else high) * (1 + 1e-9)
-    verdicts = [check(grasp, WEIGHT * at_center(np.array(d))).verdict for d in AXES]
+    verdicts = [check(grasp, WEIGHT * at_center(np.array(d))).verdict for d in LABEL_DIRECTIONS]
     assert said["verdicts"] == [str(v) for v in verdicts]
     assert said["verdict"] == ("slips" if Verdict.SLIPS in verdicts else "holds")
     least = min(said[wrench_column(f"{s}f{a}")] for s in "+-" for a in "xyz")
@@ -136,7 +143,7 @@ def test_directions_are_spread_evenly() -> None:
 
 
 def test_columns_are_named_once_and_all_there() -> None:
-    assert len(set(NAMES)) == len(COLUMNS)
+    assert len(set(COLUMN_NAMES)) == len(LABEL_COLUMNS)
     with pytest.raises(KeyError, match="colour"):
         complete({"colour": 1})
 

@@ -16,7 +16,7 @@ from handfast import load_body, load_configuration, load_grasp, load_hand
 from handfast.core import bundled
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.datasets.published.exporting import exported_from
-from handfast.datasets.published.mapping_file import KIND, HandMapping, read_mapping
+from handfast.datasets.published.mapping_file import MAPPING_KIND, HandMapping, read_mapping
 from handfast.datasets.published.published_file import LAYOUTS, read_published
 from handfast.datasets.published.recorded import RecordedGrasp
 from handfast.geometry.scene import Scene
@@ -350,7 +350,7 @@ def test_the_same_hand_in_two_layouts() -> None:
 def test_bundled_mappings_are_whole() -> None:
     page = (ROOT / "docs" / "published-grasps.md").read_text("utf-8")
     assert all(f"| `{name}` |" in page for name in HandMapping.model_fields if name != "schema_")
-    names = bundled.names(KIND)
+    names = bundled.names(MAPPING_KIND)
     assert {"shadow-mjcf", "allegro-mjcf", "leap-mjcf", "franka-mjcf"} <= set(names)
     for name in names:
         found = read_mapping(name)

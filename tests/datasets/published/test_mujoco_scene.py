@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from handfast import load_grasp, save_grasp
 from handfast.core.errors import InputError
-from handfast.datasets.published.mujoco_scene import HEIGHT, OPEN, TIMES, _Scene, play, scene_text, standing
+from handfast.datasets.published.mujoco_scene import HEIGHT, OPEN_ANGLE, TIMES, _Scene, play, scene_text, standing
 from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Grasp
 from handfast.readers.configuration_file import load_parts
@@ -57,7 +57,7 @@ def test_the_keyframes_are_the_controller() -> None:
     for motor in ("finger_1_prox", "finger_2_prox", "finger_3_prox"):
         k, gearing = names.index(motor), names.index(f"{motor} gearing")
         opened, closed, squeezed, *after = model.key_ctrl[:, k]
-        assert [closed - opened, squeezed - closed] == pytest.approx([OPEN, OPEN], abs=1e-4)  # six digits
+        assert [closed - opened, squeezed - closed] == pytest.approx([OPEN_ANGLE, OPEN_ANGLE], abs=1e-4)  # six digits
         assert after == [squeezed, squeezed]
         # it presses with its command and no more, and does not turn back from where it has squeezed
         assert model.actuator_forcerange[k] == pytest.approx(np.array([-1, 1]) * grasp.preload[motor], rel=1e-3)

@@ -10,7 +10,7 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.core.transforms import transform
 from handfast.datasets.published.separating import (
-    CLEAR,
+    CLEAR_DEPTH,
     Separator,
     fingers_of,
     gaps_closed,
@@ -77,8 +77,8 @@ def test_an_object_a_finger_is_in_moves_away_from_it(hand: Hand) -> None:
     done = Separator(scene).separated(q, pose)
     assert done.before == pytest.approx(0.001, abs=1e-6)
     assert done.apart
-    assert done.after <= CLEAR
-    assert scene.distance(done.q, done.pose).min() >= -CLEAR
+    assert done.after <= CLEAR_DEPTH
+    assert scene.distance(done.q, done.pose).min() >= -CLEAR_DEPTH
     # the object and the joint share the millimetre; each alone would have to move all of it
     assert 0 < done.object_moved < 0.001
     assert 0 < done.surface_moved < 0.0015
@@ -116,7 +116,7 @@ def test_what_cannot_part_is_said(hand: Hand) -> None:
     q = hand.configuration({"left_hinge": -0.59, "right_hinge": -0.59})
     done = Separator(Scene(hand, cube(half=0.065))).separated(q, above(hand, z=0.075))
     assert not done.apart
-    assert done.after > CLEAR
+    assert done.after > CLEAR_DEPTH
     assert (done.q >= hand.limits[:, 0]).all()
 
 

@@ -11,7 +11,7 @@ import pytest
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.pictures.live import answering
-from handfast.pictures.live.answering import DIRECTIONS, Reply, answer
+from handfast.pictures.live.answering import LIVE_DIRECTIONS, Reply, answer
 from handfast.pictures.live.live_session import LatestRequest
 from handfast.pictures.live.view_state import ViewState
 from tests.support.viewed import jaws, replies, until
@@ -31,10 +31,10 @@ def test_stages_end_in_the_numbers_found_by_hand(monkeypatch: pytest.MonkeyPatch
     assert last.replayed
     assert last.check.verify().ok
     assert len(last.map.known) == len(last.map.directions)
-    assert last.map.known.tolist() == list(range(DIRECTIONS))
+    assert last.map.known.tolist() == list(range(LIVE_DIRECTIONS))
     assert last.map.sizes == pytest.approx(10.0, rel=1e-2)  # friction alone: the same all around
     assert told[2].map is not None
-    assert len(told[2].map.known) == DIRECTIONS // 6
+    assert len(told[2].map.known) == LIVE_DIRECTIONS // 6
     again = replies(state.with_force(11.0), before=last)
     assert again[0].verdict is Verdict.SLIPS
     assert again[0].map is last.map  # a map of the same plane is not asked for twice
@@ -42,13 +42,13 @@ def test_stages_end_in_the_numbers_found_by_hand(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_verdict_is_told_even_if_it_is_outdated_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answering, "PATIENCE", math.inf)
+    monkeypatch.setattr(answering, "VERDICT_TIMEOUT", math.inf)
     told = replies(ViewState.of(jaws()), outdated=lambda: True)
     assert [(r.most, r.map) for r in told] == [(None, None)]
 
 
 def test_an_outdated_verdict_that_takes_long_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answering, "PATIENCE", -math.inf)
+    monkeypatch.setattr(answering, "VERDICT_TIMEOUT", -math.inf)
     told: list[Reply] = []
     answer(ViewState.of(jaws()), None, lambda: True, told.append)
     assert told == []
@@ -60,7 +60,7 @@ def test_a_map_that_was_left_is_taken_up() -> None:
     answer(state, None, lambda: bool(told and told[-1].map), told.append)
     part = told[-1]
     assert part.map is not None
-    assert 0 < len(part.map.known) < DIRECTIONS
+    assert 0 < len(part.map.known) < LIVE_DIRECTIONS
     whole = replies(state, before=part)[-1]
     assert whole.map is not None
     assert len(whole.map.known) == len(whole.map.directions)

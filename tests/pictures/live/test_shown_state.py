@@ -11,8 +11,8 @@ from handfast.core.answer import Verdict
 from handfast.model.shape import Shape
 from handfast.pictures.camera import first_hit
 from handfast.pictures.live.page_text import bar_html, map_svg, verdict_html
-from handfast.pictures.live.shown_state import COLORS, GREY, LATE, PERIOD, escape, shown, slip_motion
-from handfast.pictures.live.view_state import ARROW, ViewState, reaches, rounded_up, stage_of
+from handfast.pictures.live.shown_state import GREY, GREYING_DELAY, PERIOD, TONE_COLORS, escape, shown, slip_motion
+from handfast.pictures.live.view_state import LOAD_ARROW, ViewState, reaches, rounded_up, stage_of
 from tests.support.viewed import jaws, replies, two_fingers
 
 HELD = ViewState.of(jaws()).with_plane("yz").pulled([0, 0, -5.0])
@@ -22,7 +22,7 @@ STAGE = stage_of(HELD.grasp)
 def test_a_load_that_is_held() -> None:
     reply = replies(HELD)[-1]
     what = shown(HELD, STAGE, reply)
-    assert (what.tone, what.grey, what.color) == ("holds", False, COLORS["holds"])
+    assert (what.tone, what.grey, what.color) == ("holds", False, TONE_COLORS["holds"])
     assert what.share == pytest.approx(0.5, rel=1e-2)
     assert what.motion is None
     assert what.load[0] == pytest.approx(np.array([[0, 0, 0], [0, 0, -5 * STAGE.metres_per_newton]]))
@@ -53,7 +53,7 @@ def test_a_largest_load_whose_bounds_have_not_met_is_not_called_the_largest() ->
 def test_a_load_that_slips_moves_the_object_along() -> None:
     state = HELD.with_force(12.0)
     what = shown(state, STAGE, replies(state)[-1])
-    assert (what.tone, what.color) == ("slips", COLORS["slips"])
+    assert (what.tone, what.color) == ("slips", TONE_COLORS["slips"])
     assert len(what.forces) == 0
     assert what.motion is not None
     assert what.motion.twist[2] < 0
@@ -67,8 +67,8 @@ def test_a_load_that_slips_moves_the_object_along() -> None:
 def test_while_an_answer_is_due_the_last_one_is_kept_and_greyed_when_it_is_late() -> None:
     reply = replies(HELD)[-1]
     state = HELD.with_force(12.0)
-    soon, late = shown(state, STAGE, reply, LATE / 2), shown(state, STAGE, reply, 2 * LATE)
-    assert (soon.tone, soon.grey, soon.color) == ("holds", False, COLORS["holds"])
+    soon, late = shown(state, STAGE, reply, GREYING_DELAY / 2), shown(state, STAGE, reply, 2 * GREYING_DELAY)
+    assert (soon.tone, soon.grey, soon.color) == ("holds", False, TONE_COLORS["holds"])
     assert (late.tone, late.grey, late.color) == ("holds", True, GREY)
     assert late.headline == "HOLDS …"
     assert soon.share is None  # a share of another load would be wrong
@@ -94,7 +94,7 @@ def test_an_undecided_answer_is_called_so() -> None:
     assert reply.check is not None
     undecided = replace(reply, check=replace(reply.check, verdict=Verdict.UNDECIDED, found=None))
     what = shown(HELD, STAGE, undecided)
-    assert (what.tone, what.color) == ("undecided", COLORS["undecided"])
+    assert (what.tone, what.color) == ("undecided", TONE_COLORS["undecided"])
     assert "Neither was shown" in " ".join(what.sentences)
 
 
@@ -105,13 +105,13 @@ def test_loads_and_maps_are_cut_at_the_rim() -> None:
     state = state.pulled(1000 * state.force)
     what = shown(state, stage, replies(state)[-1])  # down, any force is resisted
     assert what.tone == "holds"
-    assert np.linalg.norm(what.load[0, 1] - what.load[0, 0]) == pytest.approx(ARROW * stage.size)
+    assert np.linalg.norm(what.load[0, 1] - what.load[0, 0]) == pytest.approx(LOAD_ARROW * stage.size)
     assert what.share == 0
     assert "no bound" in bar_html(what)
     assert what.map is not None
     assert what.map.cut.any()
     assert not what.map.cut.all()
-    assert np.linalg.norm(what.map.outline, axis=1).max() == pytest.approx(ARROW * stage.size)
+    assert np.linalg.norm(what.map.outline, axis=1).max() == pytest.approx(LOAD_ARROW * stage.size)
     drawn = map_svg(state, stage, what)
     assert drawn.count("<polygon") == 1
     assert "and more" in drawn

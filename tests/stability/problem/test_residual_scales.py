@@ -9,7 +9,7 @@ import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.stability.problem import judge, model
-from handfast.stability.problem.judge import LARGE
+from handfast.stability.problem.judge import EXACT_SUM_THRESHOLD
 from handfast.stability.problem.model import State
 from tests.support.problems import X, Z, pinch
 from tests.support.rounding_edges import W, hand
@@ -160,7 +160,7 @@ def sizes(g: Grasp, field: str) -> list[float]:
 
 @pytest.mark.parametrize("field", FIELDS)
 def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond `LARGE` times the force scale, each entry by what it does at a contact; of either sign."""
+    """Beyond `EXACT_SUM_THRESHOLD` times the force scale, each entry by what it does at a contact; of either sign."""
     g, calls = hand(), []
     monkeypatch.setattr(judge, "exact_sums", lambda *of: calls.append(of))
     for k, unit in enumerate(sizes(g, field)):
@@ -168,7 +168,7 @@ def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.
             for sign in (1.0, -1.0):
                 parts: dict[str, Any] = {"r": np.zeros(6), "q": np.zeros(3), "f": np.zeros(3), "coupling": np.zeros(1)}
                 parts["c"] = np.arange(9.0)
-                parts[field][k] = sign * factor * LARGE * 2.5 / unit
+                parts[field][k] = sign * factor * EXACT_SUM_THRESHOLD * 2.5 / unit
                 state = State(**parts)
                 calls.clear()
                 sums = judge.linear_sums(g, W, state, 2.5)
@@ -178,13 +178,13 @@ def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.
 
 
 def test_sums_are_exact_where_contacts_are_far_from_the_origin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond `LARGE` times the spacing of the contacts."""
+    """Beyond `EXACT_SUM_THRESHOLD` times the spacing of the contacts."""
     calls: list[Any] = []
     monkeypatch.setattr(judge, "exact_sums", lambda *of: calls.append(of))
     for factor, exact in ((0.9, False), (1.1, True)):
         calls.clear()
         spacing = pinch().spacing
-        far = factor * LARGE * spacing
+        far = factor * EXACT_SUM_THRESHOLD * spacing
         contacts = [Contact(c.position + np.array([0.0, far, 0.0]), c.normal, c.friction) for c in pinch().contacts]
         g = Grasp(contacts)
         assert g.spacing == pytest.approx(spacing, rel=1e-3)

@@ -242,7 +242,7 @@ def test_what_is_left_unresolved_when_the_time_is_over_stays_open_for_want_of_it
 
 def test_progress_has_falling_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a maximum that takes some ten thousand nodes: ten contacts, and an end that is no state's."""
-    monkeypatch.setattr(engine, "PAUSE", -INF)  # every slice is reported, however quick
+    monkeypatch.setattr(engine, "REPORT_INTERVAL", -INF)  # every slice is reported, however quick
     seen = []
     settings = Settings(gap=1e-9, nodes=8000, jobs=1, verify=False)
     answer = maximum(random_case(10, 1).grasp, w(0, 0, 1), settings=settings, on_progress=seen.append)
@@ -257,7 +257,7 @@ def test_progress_has_falling_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_ctrl_c_leaves_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "PAUSE", -INF)  # every slice is reported, however quick
+    monkeypatch.setattr(engine, "REPORT_INTERVAL", -INF)  # every slice is reported, however quick
 
     def interrupt(progress) -> None:
         if progress.lower > 0:

@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 from handfast.core.groups import Block
-from handfast.proofs.cases import HALF
-from handfast.proofs.kinds import TURN, ActuatorState, ContactState
+from handfast.proofs.cases import HALF_TURN
+from handfast.proofs.kinds import TURN_DIRECTIONS, ActuatorState, ContactState
 from handfast.proofs.rows import directions
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.objective import (
     ANY_STATE,
     GOALS,
-    LARGEST,
+    LARGEST_MAGNITUDE,
     SMALLEST_LARGEST_COMMAND,
     SMALLEST_PRELOAD,
     SMALLEST_SUM_OF_COMMANDS,
@@ -58,7 +58,7 @@ def node_program(search: Search, node: Node, cost: np.ndarray) -> tuple[int, flo
     parts = np.array(node, dtype=np.int64).reshape(-1, 3)
     at_hand, work = (Block(layout).arrays() for layout in (r.workspace.node, r.workspace.working_set))
     at_hand.state[:] = np.concatenate([parts[:m, 0], parts[:m, 1], parts[:m, 2], parts[m:, 0]])
-    counts = np.zeros(len(arrays.COUNTS), np.int64)
+    counts = np.zeros(len(arrays.WORKER_COUNTS), np.int64)
     none, _ = new_pool(1, 3 * m + r.sizes[1], n)  # other nodes: there is no balance of energy
     found = ask("solved", r.question._replace(cost=cost), Counted(search.hi, counts), at_hand, work, none, CONE)
     return found, float(cost @ work.z), bool(counts[arrays.DROPS])
@@ -128,9 +128,9 @@ class Referee:
         self.lower[at.c][0::3], self.upper[at.c][0::3] = 0.0, p.cn_max
         self.lower[at.f], self.upper[at.f] = -p.f_max, p.f_max
         ends = (0.0, 0.0 if goal == ANY_STATE else 1e3)
-        if goal in (SMALLEST_PRELOAD, LARGEST):
+        if goal in (SMALLEST_PRELOAD, LARGEST_MAGNITUDE):
             end = p.search_end
-            ends = (0.0, end) if goal == LARGEST else (1 / end, 1e5)
+            ends = (0.0, end) if goal == LARGEST_MAGNITUDE else (1 / end, 1e5)
         self.lower[at.scalar], self.upper[at.scalar] = ends
         summed = drive & (goal == SMALLEST_SUM_OF_COMMANDS)
         self.lower[at.e], self.upper[at.e] = 0.0, np.where(summed, 1e3, 0.0)
@@ -176,7 +176,7 @@ class Referee:
         d_n, d_t = self.D[3 * i], self.D[3 * i + 1 : 3 * i + 3]
         c_n, c_t = np.zeros(at.n), np.zeros((2, at.n))
         c_n[at.c.start + 3 * i] = c_t[0, at.c.start + 3 * i + 1] = c_t[1, at.c.start + 3 * i + 2] = 1.0
-        ring = [k * TURN // 16 for k in range(16)]
+        ring = [k * TURN_DIRECTIONS // 16 for k in range(16)]
         (Ua, Ub) = directions(np.array([left, right]))
         closed = state in (CLOSED, STICK, SLIDE)
         exact = closed and (state == STICK or p.limits.eta == 0)  # c_n = -d_n
@@ -291,7 +291,7 @@ def question(seed: int) -> tuple[Solved, ScaledProblem, Objective]:
     rng = np.random.default_rng(seed)
     s = solved(seed, int(rng.integers(2, 7)), float(rng.choice([0.0, 0.0, 0.05])), stick=bool(rng.integers(2)))
     goal = list(GOALS)[seed % 5]
-    if not s.grasp.preload and goal != LARGEST:
+    if not s.grasp.preload and goal != LARGEST_MAGNITUDE:
         goal = ANY_STATE
     limits = GraspLimits(s.eta)
     if goal != SMALLEST_PRELOAD and rng.random() < 0.3:
@@ -300,7 +300,7 @@ def question(seed: int) -> tuple[Solved, ScaledProblem, Objective]:
     driven = s.grasp.command != 0 if goal in (SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS) else None
     if goal == SMALLEST_PRELOAD:
         return s, scaled_problem.build(s.grasp, np.zeros(6), s.wrench, limits=GraspLimits(eta=s.eta)), goal
-    direction = s.grasp.G @ rng.normal(size=3 * s.grasp.m) if goal == LARGEST else None
+    direction = s.grasp.G @ rng.normal(size=3 * s.grasp.m) if goal == LARGEST_MAGNITUDE else None
     p = scaled_problem.build(s.grasp, s.wrench, direction, limits=limits, driven=driven)
     return s, p, goal
 
@@ -312,19 +312,19 @@ def nodes(s: Solved, r: Reduced, rng: np.random.Generator) -> list[Node]:
     for _ in range(PER_GRASP):
         stray, node = rng.choice([0.0, 0.1, 0.5]), []
         for i, di in enumerate(d):
-            width = int(TURN // rng.choice([3, 4, 30, 3000]))
-            along = int(np.arctan2(-di[2], -di[1]) / (2 * np.pi) * TURN)
+            width = int(TURN_DIRECTIONS // rng.choice([3, 4, 30, 3000]))
+            along = int(np.arctan2(-di[2], -di[1]) / (2 * np.pi) * TURN_DIRECTIONS)
             if rng.random() < stray:
-                along = int(rng.integers(TURN))
-            left = (along - int(rng.integers(width))) % TURN
-            sector = (left, min(left + width, left + HALF - 1))
+                along = int(rng.integers(TURN_DIRECTIONS))
+            left = (along - int(rng.integers(width))) % TURN_DIRECTIONS
+            sector = (left, min(left + width, left + HALF_TURN - 1))
             true = OPEN if s.state.c[3 * i] == 0 else STICK if np.linalg.norm(di[1:]) < 1e-9 else SLIDE
             state = ContactState(rng.integers(5)) if rng.random() < stray else true
             if rng.random() < 0.2:
                 state = CLOSED if state in (STICK, SLIDE) else UNDECIDED
             has = state == SLIDE or (state == OPEN and s.eta > 0 and rng.random() < 0.5)
             if state in (CLOSED, STICK) and r.p.mdp and rng.random() < 0.5:
-                has, half = True, left + HALF
+                has, half = True, left + HALF_TURN
                 sector = (left, half) if s.eta == 0 and rng.random() < 0.5 else sector
             node.append((int(state), *(sector if has else (0, 0))))
         for j in r.active:
@@ -349,7 +349,7 @@ def compare(seed: int) -> Counter:
         x_cost[at.c][0::3] = 1.0
         z_cost, constant = r.C[0 : 3 * m : 3].sum(axis=0), float(r.off[0 : 3 * m : 3].sum())
     else:
-        x_cost[at.scalar] = -1.0 if goal == LARGEST else 1.0
+        x_cost[at.scalar] = -1.0 if goal == LARGEST_MAGNITUDE else 1.0
         z_cost, constant = r.C[first].copy(), float(r.off[first])
     for node in nodes(s, r, rng):
 

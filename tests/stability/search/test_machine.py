@@ -45,7 +45,7 @@ def test_workspaces_lie_apart(sizes: tuple[int, ...]) -> None:
 def test_a_new_workspace_keeps_no_working_set() -> None:
     space = Workspace(WorkspaceLayout.of(3, 4, 21, 13, 24, 24, 5))
     (lines, *_) = space.tables
-    assert lines[0, 1:3].tolist() == [2, arrays.KEPT + 1]
+    assert lines[0, 1:3].tolist() == [2, arrays.KEPT_WORKING_SETS + 1]
     assert (space._kept.array("owner") == -1).all()
 
 

@@ -32,13 +32,13 @@ def test_dense_grasps_hold_without_a_tree(grasp: Grasp) -> None:
         assert answer.verdict is Verdict.HOLDS
         assert answer.witness is not None
         assert answer.witness.valid
-        assert answer.nodes <= tree.SOON + arrays.CHILDREN
+        assert answer.nodes <= tree.EARLY_SEARCH_NODES + arrays.CHILDREN
 
 
 def test_what_is_resisted_at_any_magnitude_is_found_at_the_end(grasp: Grasp) -> None:
     answer = maximum(grasp, [1.0, 0, 0], settings=QUICK)
     assert answer.unbounded
-    assert answer.nodes <= tree.LATE + arrays.CHILDREN + 1
+    assert answer.nodes <= tree.LATE_SEARCH_NODES + arrays.CHILDREN + 1
     assert answer.verify().ok
 
 
@@ -48,7 +48,7 @@ def test_it_is_tried_once_and_finds_nothing_where_a_load_slips() -> None:
     for _ in search:
         pass
     assert search.z is None
-    assert search.nodes > tree.SOON
+    assert search.nodes > tree.EARLY_SEARCH_NODES
     assert search.counts[arrays.SETTLED] == 1
     answer = check(weak, load)
     assert answer.verdict is Verdict.SLIPS

@@ -261,7 +261,7 @@ def test_another_shape_is_refused(wrong: Any) -> None:
 
 
 def test_jobs_do_not_change_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "BLOCK", 8)
+    monkeypatch.setattr(batch, "QUESTION_BLOCK", 8)
     g = solved(3, 4).grasp
     ways = []
     for jobs, fork in ((1, 10**9), (2, 10**9), (2, 0)):
@@ -276,7 +276,7 @@ def test_ctrl_c_leaves_what_was_answered(monkeypatch: pytest.MonkeyPatch) -> Non
     def stop(done: int, total: int) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(batch, "BLOCK", 2)
+    monkeypatch.setattr(batch, "QUESTION_BLOCK", 2)
     found = check_many(pinch(), [[0, 0.9, 0]] * 5, jobs=1, on_progress=stop)
     assert found.verdict.tolist() == ["holds", "holds", "", "", ""]
     assert found.error[-1] == batch.INTERRUPTED
@@ -330,7 +330,7 @@ def test_ctrl_c_leaves_none_in_processes_either(monkeypatch: pytest.MonkeyPatch)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(batch, "FORK", 0)
-    monkeypatch.setattr(batch, "BLOCK", 8)
+    monkeypatch.setattr(batch, "QUESTION_BLOCK", 8)
     found = max_many(pinch(), [[0, 1, 0]] * 96, jobs=2, on_progress=stop)
     assert found.error[0] == ""
     assert found.error[-1] == batch.INTERRUPTED
@@ -341,7 +341,7 @@ def test_ctrl_c_during_a_search_ends_the_batch(monkeypatch: pytest.MonkeyPatch) 
         return replace(torques(*asked, **options), stop=Stop.INTERRUPTED)
 
     monkeypatch.setattr(batch, "torques", interrupted)
-    monkeypatch.setattr(batch, "BLOCK", 2)
+    monkeypatch.setattr(batch, "QUESTION_BLOCK", 2)
     found = torques_many(pinch(), [[0, 0.5, 0]] * 5, settings=QUICK, jobs=1)
     assert found.stop.tolist() == ["interrupted", "", "", "", ""]
     assert found.error.tolist() == ["", *[batch.INTERRUPTED] * 4]

@@ -73,7 +73,7 @@ def test_progress_counts_every_case() -> None:
 
 
 def test_ctrl_c_keeps_what_was_reached(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "BLOCK", 2)
+    monkeypatch.setattr(batch, "QUESTION_BLOCK", 2)
 
     def stop(done: int, total: int) -> None:
         if done == 2:

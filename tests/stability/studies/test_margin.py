@@ -33,7 +33,7 @@ from tests.support.problems import Solved, moved, pinch, solved, table
 @pytest.fixture(autouse=True)
 def _any_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Samples are decided, or left at a number of nodes, however long that takes."""
-    monkeypatch.setattr("handfast.stability.studies.margin_search.TIME_LIMIT", math.inf)
+    monkeypatch.setattr("handfast.stability.studies.margin_search.CHECK_TIME_LIMIT", math.inf)
 
 
 def slope(angle: float, mu: float, contacts: int) -> tuple[Grasp, Array]:

@@ -12,7 +12,7 @@ from numba import njit
 
 from handfast.synthesis.search import library
 from handfast.synthesis.search.kernel.krawczyk import _invert
-from handfast.synthesis.search.workspace import MARGIN, interior
+from handfast.synthesis.search.workspace import CANDIDATE_MARGIN, interior
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip
 
@@ -44,10 +44,10 @@ def test_the_interior_keeps_off_every_bound() -> None:
     """By the margin where there is room, by a quarter of the range where there is little, not where it is a point."""
     flat = TaskProblem.of(grip(0.05)).flat
     lower, upper = flat.coordinates.lower.copy(), flat.coordinates.upper.copy()
-    upper[:2] = lower[:2] + np.array([0.0, MARGIN])
+    upper[:2] = lower[:2] + np.array([0.0, CANDIDATE_MARGIN])
     inside = interior(flat._replace(coordinates=flat.coordinates._replace(lower=lower, upper=upper)))
-    assert inside.lower[:2] == pytest.approx(lower[:2] + np.array([0.0, MARGIN / 4]), abs=1e-15)
-    assert inside.upper[2:] == pytest.approx(upper[2:] - MARGIN, abs=1e-15)
+    assert inside.lower[:2] == pytest.approx(lower[:2] + np.array([0.0, CANDIDATE_MARGIN / 4]), abs=1e-15)
+    assert inside.upper[2:] == pytest.approx(upper[2:] - CANDIDATE_MARGIN, abs=1e-15)
 
 
 @njit

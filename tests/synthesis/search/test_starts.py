@@ -7,9 +7,9 @@ import pytest
 
 from handfast.core.answer import Reach, Stop
 from handfast.model.region import Cap
-from handfast.synthesis.distance import APART, LENGTH, farthest, features, features_of
+from handfast.synthesis.distance import DISTINCT_DISTANCE, RADIAN_LENGTH, farthest, features, features_of
 from handfast.synthesis.query import synthesize
-from handfast.synthesis.search.starts import BLOCK, Starts, Walks
+from handfast.synthesis.search.starts import START_BLOCK, Starts, Walks
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip, pinch
 
@@ -45,7 +45,7 @@ def test_farthest_points() -> None:
     at = np.linspace(0, 1, 9)[:, None]
     assert farthest(at, 3).tolist() == [0, 8, 4]
     assert set(farthest(at, 5).tolist()) == {0, 2, 4, 6, 8}
-    same = np.repeat([[0.0], [0.5 * APART], [1.0]], 3, axis=0)
+    same = np.repeat([[0.0], [0.5 * DISTINCT_DISTANCE], [1.0]], 3, axis=0)
     assert farthest(same, 9).tolist() == [0, 6]
 
 
@@ -63,9 +63,9 @@ def test_distance_is_what_is_written() -> None:
 
     here = dict(zip(labels, row[0], strict=True))
     assert far("joint:index_middle", here["joint:index_middle"] + 0.3) == pytest.approx(0.3)
-    assert far("position:1", here["position:1"] + 0.02) == pytest.approx(0.02 / LENGTH)
+    assert far("position:1", here["position:1"] + 0.02) == pytest.approx(0.02 / RADIAN_LENGTH)
     side = 0.02  # of the square that is touched
-    assert far("contact:0:s", here["contact:0:s"] + 0.1) == pytest.approx(0.1 * side / LENGTH)
+    assert far("contact:0:s", here["contact:0:s"] + 0.1) == pytest.approx(0.1 * side / RADIAN_LENGTH)
     turned = row.copy()
     i = labels.index("quaternion:0")
     turned[0, i : i + 4] = [1, 0, 0, 0]
@@ -79,7 +79,7 @@ def test_prismatic_joints_count_as_lengths() -> None:
     task = grip(0.05)
     row = np.array([list(synthesize(task).solutions[0].existence.coordinates.values())])
     other = row + np.eye(row.shape[1])[0] * 0.01
-    assert np.linalg.norm(features_of(task, other) - features_of(task, row)) == pytest.approx(0.01 / LENGTH)
+    assert np.linalg.norm(features_of(task, other) - features_of(task, row)) == pytest.approx(0.01 / RADIAN_LENGTH)
 
 
 def test_object_caps_have_their_contact_points() -> None:
@@ -90,7 +90,7 @@ def test_object_caps_have_their_contact_points() -> None:
     )
     row = np.array([[0.01, 0, 0, 0, 1, 0, 0, 0, 0.7, 0.4]])
     d = ball.frame @ [np.sin(0.7) * np.cos(0.4), np.sin(0.7) * np.sin(0.4), np.cos(0.7)]
-    assert features_of(task, row)[0, -3:] == pytest.approx((ball.center + 0.02 * d) / LENGTH)
+    assert features_of(task, row)[0, -3:] == pytest.approx((ball.center + 0.02 * d) / RADIAN_LENGTH)
 
 
 def test_steps_stay_on_the_set_and_move() -> None:
@@ -117,12 +117,12 @@ def test_blocks_of_starts_are_independent_of_how_many_are_taken() -> None:
     assert np.array_equal(first[0].x, all_of_it[0].x)
     later = Starts(p, 7, block=1)
     assert np.array_equal(many.run()[0].x, later.run()[0].x)
-    assert (later.count, many.count) == (2 * BLOCK, 2 * BLOCK)
+    assert (later.count, many.count) == (2 * START_BLOCK, 2 * START_BLOCK)
 
 
 def test_no_more_than_differ(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where only what is far apart counts as different, fewer come than were asked for, and it says so."""
-    monkeypatch.setattr("handfast.synthesis.distance.APART", 2.0)
+    monkeypatch.setattr("handfast.synthesis.distance.DISTINCT_DISTANCE", 2.0)
     answer = synthesize(pinch(), count=60)
     assert (answer.verdict, answer.stop) == (Reach.FOUND, Stop.RESOLUTION)
     assert 2 <= len(answer.solutions) < 60

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from handfast.synthesis.search.boxes import STEP
+from handfast.synthesis.search.boxes import STEP_NODES
 from handfast.synthesis.search.prover import POSES, Prover, suspects
 from handfast.synthesis.task import PoseBounds
 from handfast.synthesis.task_file import load_task
@@ -35,7 +35,7 @@ def test_the_bounds_of_the_position_belong_to_the_origin_alone():
 
 @pytest.mark.slow
 def test_two_contacts_that_are_suspected_have_most_of_the_time(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("handfast.synthesis.search.prover.SLICE", STEP)
+    monkeypatch.setattr("handfast.synthesis.search.prover.SLICE_BOXES", STEP_NODES)
     prover = Prover(TaskProblem.of(far()), workers=1)
     prover.run(nodes=200_000)
     boxes = {name: search.state.nodes for name, search in prover.searches.items()}
@@ -47,7 +47,7 @@ def test_two_contacts_that_are_suspected_have_most_of_the_time(monkeypatch: pyte
 
 @pytest.mark.slow
 def test_poses_have_most_of_the_time_where_no_two_contacts_are_suspected(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("handfast.synthesis.search.prover.SLICE", STEP)
+    monkeypatch.setattr("handfast.synthesis.search.prover.SLICE_BOXES", STEP_NODES)
     prover = Prover(TaskProblem.of(load_task("scalpel-incision")), workers=1)
     prover.run(nodes=200_000)
     assert prover.searches[POSES].state.nodes > 0.6 * prover.nodes

@@ -13,7 +13,12 @@ import numpy as np
 SCHEMA = "handfast/labels/1"
 Kind = Literal["integer", "number", "text", "numbers", "texts", "points"]  # plural: a list of them; points: of (3,)
 
-HELD_BY = ("these", "others", "none", "undecided")  # commands of the row, others that were found, no commands at all
+HELD_BY_VALUES = (
+    "these",
+    "others",
+    "none",
+    "undecided",
+)  # commands of the row, others that were found, no commands at all
 WRENCHES = tuple(sign + axis for sign in ("+", "-") for axis in ("fx", "fy", "fz", "tx", "ty", "tz"))
 
 
@@ -59,7 +64,7 @@ MEASURES = (  # those of `handfast measures` that need no further package and ne
     LabelColumn("dfc", "number", "N", "energy DFC, less is better"),
 )
 
-COLUMNS = (
+LABEL_COLUMNS = (
     LabelColumn("row", "integer", "", "number of the row in the dataset, from 0"),
     LabelColumn("name", "text", "", "of the row: its file, or as the dataset calls it"),
     LabelColumn("grasp", "text", "", "name of the grasp; null if it has none of its own"),
@@ -84,7 +89,9 @@ COLUMNS = (
     LabelColumn(
         "verdict", "text", "", "is the weight held from every direction with this preload: holds, slips, undecided"
     ),
-    LabelColumn("held_by", "text", "", f"commands that hold the weight from every direction: {', '.join(HELD_BY)}"),
+    LabelColumn(
+        "held_by", "text", "", f"commands that hold the weight from every direction: {', '.join(HELD_BY_VALUES)}"
+    ),
     LabelColumn(
         "holding_commands", "numbers", "N m, N", "those commands, one preload for all directions; null: none found"
     ),
@@ -109,15 +116,15 @@ COLUMNS = (
     LabelColumn("nodes", "integer", "", "of the searches"),
     LabelColumn("seconds", "number", "s", "that the label took", course=True),
 )
-NAMES = tuple(c.name for c in COLUMNS)
+COLUMN_NAMES = tuple(c.name for c in LABEL_COLUMNS)
 
 
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     """A row with every column, null where nothing is said. `KeyError` for what is no column."""
     for name in values:
-        if name not in NAMES:
+        if name not in COLUMN_NAMES:
             raise KeyError(name)
-    return {name: values.get(name) for name in NAMES}
+    return {name: values.get(name) for name in COLUMN_NAMES}
 
 
 def broken(row: int, name: str, reason: str) -> dict[str, Any]:
@@ -127,13 +134,13 @@ def broken(row: int, name: str, reason: str) -> dict[str, Any]:
 
 def described() -> list[dict[str, str]]:
     """The columns as the metadata of a file have them."""
-    return [{"name": c.name, "kind": c.kind, "unit": c.unit, "about": c.about} for c in COLUMNS]
+    return [{"name": c.name, "kind": c.kind, "unit": c.unit, "about": c.about} for c in LABEL_COLUMNS]
 
 
-REASONS = 100  # different ones that are kept, and broken rows that are listed one by one
-SPREAD = {"weight_factor": (1e-3, 1e3), "worst_force": (1e-3, 1e3), "largest_command": (1e-4, 1e2)}
+MAX_REASONS = 100  # different ones that are kept, and broken rows that are listed one by one
+SPREAD_RANGES = {"weight_factor": (1e-3, 1e3), "worst_force": (1e-3, 1e3), "largest_command": (1e-4, 1e2)}
 SPREAD_BINS = 60
-KEPT = (
+SUMMARY_COLUMNS = (
     "row",
     "name",
     "status",
@@ -145,13 +152,13 @@ KEPT = (
     "stop",
     "nodes",
     "seconds",
-    *SPREAD,
+    *SPREAD_RANGES,
 )
 
 
 def edges(name: str) -> Any:
     """(bins + 1,) of the histogram of a column; what lies beyond is counted in the last on its side."""
-    return np.geomspace(*SPREAD[name], SPREAD_BINS + 1)
+    return np.geomspace(*SPREAD_RANGES[name], SPREAD_BINS + 1)
 
 
 @dataclass
@@ -180,12 +187,12 @@ class LabelSummary:
     open: int = 0
     nodes: int = 0
     seconds: float = 0.0
-    spread: dict[str, dict[str, Any]] = field(default_factory=lambda: {name: {} for name in SPREAD})
+    spread: dict[str, dict[str, Any]] = field(default_factory=lambda: {name: {} for name in SPREAD_RANGES})
     wall: float = 0.0
     fresh: int = 0
 
     def take(self, rows: Iterable[dict[str, Any]]) -> None:
-        """Count more rows, which have the columns `KEPT`."""
+        """Count more rows, which have the columns `SUMMARY_COLUMNS`."""
         for row in rows:
             self.rows += 1
             if row["status"] == "broken":
@@ -201,7 +208,7 @@ class LabelSummary:
             self.open += row["open"]
             self.nodes += row["nodes"]
             self.seconds += row["seconds"]
-            for name in SPREAD:
+            for name in SPREAD_RANGES:
                 if row[name] is not None:
                     bins = self.spread[name].setdefault(verdict, [0] * SPREAD_BINS)
                     k = int(np.searchsorted(edges(name), row[name], side="right")) - 1
@@ -209,10 +216,10 @@ class LabelSummary:
 
     def _take_broken(self, row: dict[str, Any]) -> None:
         self.broken += 1
-        if row["reason"] in self.reasons or len(self.reasons) < REASONS:
+        if row["reason"] in self.reasons or len(self.reasons) < MAX_REASONS:
             self.reasons[row["reason"]] += 1
             self.first.setdefault(row["reason"], row["row"])
-        if len(self.broken_rows) < REASONS:
+        if len(self.broken_rows) < MAX_REASONS:
             self.broken_rows.append({key: row[key] for key in ("row", "name", "reason")})
 
     @property

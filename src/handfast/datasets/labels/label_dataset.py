@@ -15,7 +15,7 @@ from handfast.core.files import refuse_existing, same_json
 from handfast.core.parallel import Died, Workers, workers_of
 from handfast.core.schema import written
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
-from handfast.datasets.labels.label_columns import KEPT, SCHEMA, LabelSummary, broken, complete, described
+from handfast.datasets.labels.label_columns import SCHEMA, SUMMARY_COLUMNS, LabelSummary, broken, complete, described
 from handfast.datasets.labels.label_files import BrokenFile, LabelFormat, PartFolder, folder_of, format_named, format_of
 from handfast.datasets.labels.labeller import Labelling, label
 from handfast.datasets.open_dataset import open_dataset
@@ -24,8 +24,8 @@ from handfast.model.grasp import Grasp
 
 PART = 64  # rows of a task at most, and
 KEPT_EVERY = 5.0  # [s] of a task: what a run that is killed has to do again, for each worker, with the row in hand
-SOON = 0.5  # [s] of the first tasks, so that the rate is known at once
-LONG = 300  # characters of a reason
+FIRST_TASK_TIME = 0.5  # [s] of the first tasks, so that the rate is known at once
+MAX_REASON_LENGTH = 300  # characters of a reason
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def _refuse(target: Path, folder: PartFolder, how: LabelRun) -> None:
 def _count(summary: LabelSummary, format: LabelFormat, target: Path, rows: int) -> None:
     """Take all rows of a table into the summary; `InputError` if it has others than it was written with."""
     try:
-        summary.take(row for block in format.read(target, KEPT) for row in block)
+        summary.take(row for block in format.read(target, SUMMARY_COLUMNS) for row in block)
         whole = summary.rows == rows
     except BrokenFile:
         whole = False
@@ -240,7 +240,7 @@ def _labelled(
             yield limited(left.popleft())
 
     def limited(part: LabelPart) -> LabelPart:
-        seconds = min(KEPT_EVERY, max(SOON, time.monotonic() - begin))
+        seconds = min(KEPT_EVERY, max(FIRST_TASK_TIME, time.monotonic() - begin))
         return replace(part, seconds=seconds) if timed else part
 
     while True:
@@ -293,7 +293,7 @@ def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
         reason = str(fault)
     except Exception as fault:  # a row may be odd in ways that nobody thought of: that is no reason to lose the others
         reason = f"{type(fault).__name__}: {' '.join(str(fault).split())}"
-    return broken(row.number, row.name, reason[:LONG])
+    return broken(row.number, row.name, reason[:MAX_REASON_LENGTH])
 
 
 def grasp_of_row(row: DatasetRow, changes: GraspChanges, scene: SceneSource | None) -> tuple[Grasp, dict[str, Any]]:

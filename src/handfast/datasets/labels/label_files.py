@@ -22,7 +22,7 @@ from typing import Any
 from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import read_json, same_json, whole_file
 from handfast.core.libraries import optional
-from handfast.datasets.labels.label_columns import COLUMNS, NAMES
+from handfast.datasets.labels.label_columns import COLUMN_NAMES, LABEL_COLUMNS
 from handfast.datasets.scene_source import same_scene
 
 GROUP = 20_000  # rows of a table that are in memory at a time
@@ -51,7 +51,7 @@ class LabelFormat(ABC):
         """A part."""
 
     @abstractmethod
-    def read(self, path: Path, columns: tuple[str, ...] = NAMES) -> Iterator[list[dict[str, Any]]]:
+    def read(self, path: Path, columns: tuple[str, ...] = COLUMN_NAMES) -> Iterator[list[dict[str, Any]]]:
         """The rows of a part or table, many at a time; `BrokenFile` if it is damaged."""
 
     @abstractmethod
@@ -72,7 +72,7 @@ class LinesFormat(LabelFormat):
     def packed(self, rows: list[dict[str, Any]]) -> bytes:
         return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode("utf-8")
 
-    def read(self, path: Path, columns: tuple[str, ...] = NAMES) -> Iterator[list[dict[str, Any]]]:
+    def read(self, path: Path, columns: tuple[str, ...] = COLUMN_NAMES) -> Iterator[list[dict[str, Any]]]:
         try:
             with open(path, encoding="utf-8") as stream:
                 while lines := stream.readlines(1 << 20):
@@ -109,7 +109,7 @@ class ParquetFormat(LabelFormat):
         number, text = a.float64(), a.string()
         kinds = {"integer": a.int64(), "number": number, "text": text, "numbers": a.list_(number)}
         kinds |= {"texts": a.list_(text), "points": a.list_(a.list_(number))}
-        fields = [a.field(c.name, kinds[c.kind], metadata={"unit": c.unit, "about": c.about}) for c in COLUMNS]
+        fields = [a.field(c.name, kinds[c.kind], metadata={"unit": c.unit, "about": c.about}) for c in LABEL_COLUMNS]
         return a.schema(fields, metadata={KEY: json.dumps(about)} if about is not None else None)
 
     def packed(self, rows: list[dict[str, Any]]) -> bytes:
@@ -117,7 +117,7 @@ class ParquetFormat(LabelFormat):
         self.parquet.write_table(self.arrow.Table.from_pylist(rows, schema=self._schema()), out, compression="zstd")
         return out.getvalue()
 
-    def read(self, path: Path, columns: tuple[str, ...] = NAMES) -> Iterator[list[dict[str, Any]]]:
+    def read(self, path: Path, columns: tuple[str, ...] = COLUMN_NAMES) -> Iterator[list[dict[str, Any]]]:
         try:
             with self.parquet.ParquetFile(path) as file:
                 for batch in file.iter_batches(GROUP, columns=list(columns)):

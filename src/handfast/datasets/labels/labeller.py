@@ -19,10 +19,17 @@ from handfast.model.grasp import Grasp
 from handfast.stability.answers.load_path import comes_after
 from handfast.stability.problem.settings import Loading, Settings
 
-AXES = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
-NODES = 320_000  # of a question of one contact, over the square of the contacts: a node costs as much more
-ALL = 10  # times the nodes of a question, for all questions about a grasp: nearly all need a hundredth
-TIME_LIMIT = 600.0  # [s]
+LABEL_DIRECTIONS = (
+    (1.0, 0.0, 0.0),
+    (-1.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0),
+    (0.0, -1.0, 0.0),
+    (0.0, 0.0, 1.0),
+    (0.0, 0.0, -1.0),
+)
+QUESTION_NODES = 320_000  # of a question of one contact, over the square of the contacts: a node costs as much more
+GRASP_NODE_FACTOR = 10  # times the nodes of a question, for all questions about a grasp: nearly all need a hundredth
+LABEL_TIME_LIMIT = 600.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -34,8 +41,8 @@ class Labelling:
         directions: how many directions of forces the worst is sought among, spread evenly over the sphere.
         g: [m/s^2].
         gap: relative distance of the two bounds at which a number is exact enough.
-        nodes: of each question, `ALL` times it for all questions about a grasp: what decides where one stays open,
-            so that labels do not hang on the clock. None: `NODES` over the square of the contacts.
+        nodes: of each question, `GRASP_NODE_FACTOR` times it for all questions about a grasp: what decides where one
+            stays open, so that labels do not hang on the clock. None: `QUESTION_NODES` over the square of the contacts.
         timeout: [s] of a grasp, for all its questions: a fuse.
         replay: replay every proof with the independent checker. States are checked in any case; that a load slips, and
             upper bounds, then rest on the search's word. It takes more than ten times as long.
@@ -43,12 +50,12 @@ class Labelling:
             no bound of commands is sought.
     """
 
-    gravity: tuple[tuple[float, float, float], ...] = AXES
+    gravity: tuple[tuple[float, float, float], ...] = LABEL_DIRECTIONS
     directions: int = 32
     g: float = 9.81
     gap: float = 1e-3
     nodes: float | None = None
-    timeout: float = TIME_LIMIT
+    timeout: float = LABEL_TIME_LIMIT
     replay: bool = False
     loading: Loading = "together"
 
@@ -69,7 +76,7 @@ class Labelling:
 
     def settings(self, contacts: int) -> Settings:
         """Of each question about a grasp, but for its time. One thread: cores are for grasps."""
-        nodes = NODES / contacts**2 if self.nodes is None else self.nodes
+        nodes = QUESTION_NODES / contacts**2 if self.nodes is None else self.nodes
         return Settings(gap=self.gap, nodes=nodes, jobs=1, verify=self.replay)
 
     @property
@@ -110,7 +117,7 @@ def label(grasp: Grasp, labelling: Labelling) -> dict[str, Any]:
     """The label of a grasp: values by column, those of the row and of the dataset left out."""
     start = time.perf_counter()
     settings = labelling.settings(grasp.m)
-    ask = Questions(grasp, settings, labelling.timeout, ALL * settings.nodes, labelling.loading)
+    ask = Questions(grasp, settings, labelling.timeout, GRASP_NODE_FACTOR * settings.nodes, labelling.loading)
     center = center_of(grasp)
     axes, forces = _axes(ask, center)
     out = described_grasp(grasp) | axes

@@ -24,11 +24,17 @@ from handfast.stability.studies.batch import max_many
 from handfast.stability.studies.prepared import PreparedGrasp, prepare
 from handfast.stability.studies.questions import hold, torques
 
-LEAST = 1e-3  # [s] that a question has where no time is left,
-FEWEST = 64  # and nodes
-ROUGH, BRIEF = 0.1, 256  # gap and nodes of commands that need not be the least,
-FIRST = 16  # and nodes that show mostly that there are none
-FACTORS = (1.5, 1.1, 2.5, 5.0, 1.00001)  # of the smallest commands for one load: they may hold all, some to spare
+MIN_QUESTION_TIME = 1e-3  # [s] that a question has where no time is left,
+MIN_QUESTION_NODES = 64  # and nodes
+COMMAND_GAP, BRIEF = 0.1, 256  # gap and nodes of commands that need not be the least,
+FIRST_NODES = 16  # and nodes that show mostly that there are none
+COMMAND_FACTORS = (
+    1.5,
+    1.1,
+    2.5,
+    5.0,
+    1.00001,
+)  # of the smallest commands for one load: they may hold all, some to spare
 
 
 @dataclass(frozen=True)
@@ -160,7 +166,7 @@ class Questions:
             if self.along_paths:
                 continue
             settings = self._limited(1)
-            first = replace(settings, nodes=min(settings.nodes, FIRST))
+            first = replace(settings, nodes=min(settings.nodes, FIRST_NODES))
             answer = torques(self.grasp, wrenches[k], actuators=free, settings=first)
             limited = answer.stop in (Stop.NODES, Stop.NUMERICAL)  # which leaves nothing open: it is asked again
             self._count(Stop.COMPLETE if limited else answer.stop, answer.nodes, closed=True)
@@ -188,7 +194,7 @@ class Questions:
             return Verdict.SLIPS, None
         order = [hardest, *(k for k in range(len(wrenches)) if k != hardest)]
         if least.commands is not None:
-            for command in (factor * least.commands for factor in FACTORS):
+            for command in (factor * least.commands for factor in COMMAND_FACTORS):
                 if self._all_held(command, wrenches, order):
                     return Verdict.HOLDS, command
         resisting = {str(k): commands for k, commands in known.items()}
@@ -223,13 +229,13 @@ class Questions:
     def _limited(self, count: int) -> Settings:
         """The settings with an equal share of the time that is left, and of the nodes if these are fewer."""
         left = (self.seconds - (time.monotonic() - self._begin)) / max(count, 1)
-        nodes = max((self.budget - self.nodes) / max(count, 1), FEWEST)
-        return replace(self.settings, timeout=max(left, LEAST), nodes=min(self.settings.nodes, nodes))
+        nodes = max((self.budget - self.nodes) / max(count, 1), MIN_QUESTION_NODES)
+        return replace(self.settings, timeout=max(left, MIN_QUESTION_TIME), nodes=min(self.settings.nodes, nodes))
 
     @staticmethod
     def _roughly(settings: Settings) -> Settings:
         """For commands that need not be the least."""
-        return replace(settings, gap=max(ROUGH, settings.gap), nodes=min(settings.nodes, BRIEF))
+        return replace(settings, gap=max(COMMAND_GAP, settings.gap), nodes=min(settings.nodes, BRIEF))
 
     def _count_row(self, found: BatchAnswer, i: int, closed: bool) -> None:
         if found.error[i]:  # questions that cannot be asked were left out before: Ctrl-C came first

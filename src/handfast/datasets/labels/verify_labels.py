@@ -15,7 +15,7 @@ from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import same_json, validate
 from handfast.core.schema import InFiles
 from handfast.datasets.dataset_rows import DatasetRow, GraspChanges
-from handfast.datasets.labels.label_columns import HELD_BY, SCHEMA, WRENCHES, wrench_column
+from handfast.datasets.labels.label_columns import HELD_BY_VALUES, SCHEMA, WRENCHES, wrench_column
 from handfast.datasets.labels.label_dataset import PART, grasp_of_row
 from handfast.datasets.labels.label_files import format_of, load_labels
 from handfast.datasets.labels.labeller import (
@@ -32,16 +32,16 @@ from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource
 from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
-from handfast.proofs.fields import SAME, BadFile, number, numbers, same
+from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, number, numbers, same
 from handfast.proofs.replay import Replay
 from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import INF
 from handfast.stability.studies.ask_again import (
-    APART,
+    CONTRADICTION_GAP,
     FINEST_GAP,
     NO_TIME,
-    ROUNDING,
+    UPPER_BOUND_ROUNDING,
     Asking,
     BoundsClaim,
     Claim,
@@ -53,8 +53,8 @@ from handfast.stability.studies.ask_again import (
 )
 from handfast.stability.studies.questions import torques
 
-COURSE = "open, stop, nodes, seconds: the course of the searches is recorded, and nothing rests on it"
-BROKEN = "rows that could not be labelled"
+SEARCH_COURSE = "open, stop, nodes, seconds: the course of the searches is recorded, and nothing rests on it"
+BROKEN_ROWS = "rows that could not be labelled"
 UNBOUNDED = "nothing that is known bounds the commands of a path from below"
 
 
@@ -109,8 +109,8 @@ def replay_labels(path: Path, dataset: str | Path | None, how: Asking, rows: Col
     for place, faults, claims in found:
         answers = [part for _ in claims for part in next(told)]
         parts.append(together(place, "what it holds, by how much", [*faults, *answers]))
-    left = (f"{BROKEN}: {broken}",) if broken else ()
-    return Replay("labels", parts=tuple(parts), not_replayed=(*left, COURSE))
+    left = (f"{BROKEN_ROWS}: {broken}",) if broken else ()
+    return Replay("labels", parts=tuple(parts), not_replayed=(*left, SEARCH_COURSE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ class _Row:
         """Which commands hold all loads (n, 6)."""
         said, given = self.said.get("held_by"), self._given("holding_commands")
         due = {str(Verdict.HOLDS): {"these"}, str(Verdict.UNDECIDED): {"undecided"}}
-        right = due.get(verdict, {*HELD_BY} - {"these"})
+        right = due.get(verdict, {*HELD_BY_VALUES} - {"these"})
         if said not in right:
             fault = f"is '{said}'; with the verdict '{verdict}' it is {' or '.join(sorted(right))}"
             faults.append(Replay("held_by", "it fits the verdict", fault))
@@ -245,7 +245,7 @@ class _Row:
     ) -> tuple[list[Claim], Array | None]:
         """The least over directions (n, 3) of what is resisted, and where that is, if it is one of them."""
         at = numbers(self.said.get(where), (3,), where)
-        same_as = np.flatnonzero(np.abs(directions - at).max(axis=1) <= SAME)
+        same_as = np.flatnonzero(np.abs(directions - at).max(axis=1) <= EQUALITY_TOLERANCE)
         if not len(same_as):
             faults.append(Replay(where, "it is one that was asked", f"is {at.tolist()}, none of those that were asked"))
         out: list[Claim] = []
@@ -279,7 +279,7 @@ class CommandsClaim(Claim):
             fault = f"is {self.upper:.9g}, without commands" if self.upper < INF else ""
             return Replay("largest_command", "it is the largest of the commands", fault) if fault else None
         claim, largest = f"commands up to {self.upper:.6g} hold the weight", largest_command(self.grasp, self.commands)
-        if abs(largest - self.upper) > SAME * largest:
+        if abs(largest - self.upper) > EQUALITY_TOLERANCE * largest:
             fault = f"is {self.upper:.9g}; the largest of the commands is {largest:.9g}"
             return Replay("largest_command", claim, fault)
         preload = dict(zip(self.grasp.mechanism.actuators, self.commands.tolist(), strict=True))
@@ -307,9 +307,9 @@ class CommandsClaim(Claim):
             if not proof.ok:
                 return replace(told, undecided=f"asked again, its proof is refused: {proof.reason}")
             small = answer.stop is not Stop.COMPLETE and told.figures["motion_cap"] is not None  # motions
-            if answer.lower >= self.lower * (1 - ROUNDING) and not small:
+            if answer.lower >= self.lower * (1 - UPPER_BOUND_ROUNDING) and not small:
                 return told
-            if answer.upper < self.lower * (1 - APART):
+            if answer.upper < self.lower * (1 - CONTRADICTION_GAP):
                 less = f"is {self.lower:.9g}; asked again, commands of {answer.upper:.9g} hold, which is proved"
                 return replace(told, refused=less)
             text = f"asked again, no commands below {answer.lower:.9g} hold, and {answer.upper:.9g} do"

@@ -24,10 +24,13 @@ from handfast.datasets.published.plain_pickle import (
     read_pickle,
 )
 
-LARGEST = 2**31  # [bytes] of a file, and of what is packed in one
-PACKED, SMALL = 100, 2**26  # times as much may be in a zip file as it has bytes, beyond [bytes] what is small
-PROGRAM, SHORT = 20, 2**20  # the same of a pickle in it, whose bytes make objects; torch does not pack it at all
-HEADER = 10_000  # characters of an .npy header
+MAX_ARRAY_BYTES = 2**31  # [bytes] of a file, and of what is packed in one
+PACKED, SMALL_ARCHIVE = 100, 2**26  # times as much may be in a zip file as it has bytes, beyond [bytes] what is small
+MAX_PICKLE_RATIO, SHORT_PICKLE = (
+    20,
+    2**20,
+)  # the same of a pickle in it, whose bytes make objects; torch does not pack it at all
+MAX_NPY_HEADER = 10_000  # characters of an .npy header
 LEGACY = 0x1950A86A20F9469CFC6C  # with this number the torch files of the time before zip begin
 
 
@@ -39,8 +42,8 @@ def read_array_file(path: Path) -> Any:
             One line that names the file.
     """
     try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"is larger than {LARGEST} bytes; split it")
+        if path.stat().st_size > MAX_ARRAY_BYTES:
+            raise InputError(f"is larger than {MAX_ARRAY_BYTES} bytes; split it")
         data = path.read_bytes()
         if data.startswith(npy.MAGIC_PREFIX):
             return read_npy(data)
@@ -59,7 +62,7 @@ def read_npy(data: bytes) -> Any:
     try:
         version = npy.read_magic(stream)
         read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}[version]
-        shape, columns, dtype = read(stream, max_header_size=HEADER)
+        shape, columns, dtype = read(stream, max_header_size=MAX_NPY_HEADER)
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError, MemoryError) as fault:
         raise InputError(f"has a broken npy header ({' '.join(str(fault).split())[:60]})") from None
     checked_shape(shape)
@@ -80,9 +83,9 @@ def _read_zip(data: bytes) -> Any:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             names = packed.namelist()
             unpacked = sum(packed.getinfo(name).file_size for name in names)
-            if unpacked > min(LARGEST, SMALL + PACKED * len(data)):
+            if unpacked > min(MAX_ARRAY_BYTES, SMALL_ARCHIVE + PACKED * len(data)):
                 raise InputError(
-                    f"unpacks to {unpacked} bytes; at most {PACKED} times its size, and {LARGEST}, are read"
+                    f"unpacks to {unpacked} bytes; at most {PACKED} times its size, and {MAX_ARRAY_BYTES}, are read"
                 )
             pickles = [name for name in names if name.rpartition("/")[2] == "data.pkl"]
             if len(pickles) == 1:
@@ -121,9 +124,9 @@ def _read_torch(packed: zipfile.ZipFile, pickled: str) -> Any:
         return seen[key.file][: key.count]
 
     program = packed.getinfo(pickled)
-    if program.file_size > SHORT + PROGRAM * program.compress_size:
+    if program.file_size > SHORT_PICKLE + MAX_PICKLE_RATIO * program.compress_size:
         raise InputError(
-            f"has a data.pkl that is packed more than {PROGRAM} to 1; save it with torch, which packs none"
+            f"has a data.pkl that is packed more than {MAX_PICKLE_RATIO} to 1; save it with torch, which packs none"
         )
     return read_pickle(packed.read(pickled), storage)
 

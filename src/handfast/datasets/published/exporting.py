@@ -17,14 +17,14 @@ from handfast.core.errors import FaultsOf, InputError
 from handfast.core.files import read_json, refuse_existing, write_bytes, write_text
 from handfast.core.libraries import optional
 from handfast.core.transforms import matrix_quaternion
-from handfast.datasets.published.import_folder import SUMMARY
+from handfast.datasets.published.import_folder import IMPORT_SUMMARY
 from handfast.datasets.published.layouts import AT_ORIGIN
 from handfast.datasets.published.mapping_file import HandMapping, root_of, turned
 from handfast.model.configuration import Configuration
 from handfast.model.hand.hand import Hand
 from handfast.readers.configuration_file import load_configuration
 
-ENDING = {"isaac_grasp": ".yaml", "graspgen": ".json", "dexgraspbench": ""}
+FORMAT_ENDINGS = {"isaac_grasp": ".yaml", "graspgen": ".json", "dexgraspbench": ""}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def exported_from(path: Path) -> list[ExportedGrasp]:
         InputError: no such file or folder, no configurations in it, a broken one.
     """
     if path.is_dir():
-        if (path / SUMMARY).is_file():
+        if (path / IMPORT_SUMMARY).is_file():
             return _imported(path)
         files = sorted({*path.glob("*configuration*.json")}, key=_natural)
         if not files:
@@ -77,10 +77,10 @@ def _plain(configuration: Configuration) -> ExportedGrasp:
 
 
 def _imported(path: Path) -> list[ExportedGrasp]:
-    summary = read_json(path / SUMMARY, "import")
+    summary = read_json(path / IMPORT_SUMMARY, "import")
     rows = summary.get("rows") if isinstance(summary, dict) else None
     if not isinstance(rows, list):
-        raise InputError("has no rows", source=str(path / SUMMARY))
+        raise InputError("has no rows", source=str(path / IMPORT_SUMMARY))
     found = []
     for row in rows:
         name = row.get("configuration_file") if isinstance(row, dict) else None
@@ -88,7 +88,7 @@ def _imported(path: Path) -> list[ExportedGrasp]:
             keys = {k: row[k] for k in ("squeeze", "pregrasp", "score", "object", "scale") if row.get(k) is not None}
             found.append(ExportedGrasp(load_configuration(path / name), **keys))
     if not found:
-        raise InputError("names no configurations", source=str(path / SUMMARY))
+        raise InputError("names no configurations", source=str(path / IMPORT_SUMMARY))
     return found
 
 
@@ -120,11 +120,11 @@ def export(
         InputError: a layout without an export, joints that the hand has not got, a file that exists, several objects
             and a single file.
     """
-    if layout not in ENDING:
-        raise InputError(f"unknown layout '{layout}'; exports are {', '.join(ENDING)}", field="--layout")
-    single = target.suffix.lower() == ENDING[layout] or (layout == "isaac_grasp" and target.suffix == ".yml")
+    if layout not in FORMAT_ENDINGS:
+        raise InputError(f"unknown layout '{layout}'; exports are {', '.join(FORMAT_ENDINGS)}", field="--layout")
+    single = target.suffix.lower() == FORMAT_ENDINGS[layout] or (layout == "isaac_grasp" and target.suffix == ".yml")
     if target.suffix.lower() in (".yaml", ".yml", ".json", ".npy") and not single:
-        right = f"a folder, or a file that ends in {ENDING[layout]}," if ENDING[layout] else "a folder"
+        right = f"a folder, or a file that ends in {FORMAT_ENDINGS[layout]}," if FORMAT_ENDINGS[layout] else "a folder"
         raise InputError(f"is no name for {layout}; {right} is needed", source=str(target))
     if layout == "dexgraspbench":
         return _benchmark(grasps, hand, mapping, target, force)
@@ -137,7 +137,7 @@ def export(
     for (name, scale), group in groups.items():
         stem = Path(name).stem if Path(name).suffix in (".json", ".obj", ".stl", ".ply", ".off") else Path(name).name
         stem = "".join(c if c.isalnum() or c in "-_." else "-" for c in stem) or "grasps"
-        file = target if single else target / f"{stem}{'' if scale == 1 else f'-{scale:g}'}{ENDING[layout]}"
+        file = target if single else target / f"{stem}{'' if scale == 1 else f'-{scale:g}'}{FORMAT_ENDINGS[layout]}"
         if file in texts:
             raise InputError("would hold two objects of one name; export them one by one", source=str(file))
         texts[file] = _text(group, hand, mapping, layout, name, scale)

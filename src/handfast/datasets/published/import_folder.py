@@ -21,21 +21,21 @@ from handfast.model.provenance import Provenance, SourceFile
 from handfast.readers.configuration_file import save_configuration
 from handfast.readers.grasp_file import save_grasp
 
-SUMMARY, SCHEMA = "import.json", "handfast/import/1"
-FILES = "{:05d}.configuration.json", "{:05d}.grasp.json"
-TABLES = (".csv", ".jsonl", ".parquet")
+IMPORT_SUMMARY, SCHEMA = "import.json", "handfast/import/1"
+IMPORT_FILES = "{:05d}.configuration.json", "{:05d}.grasp.json"
+IMPORT_TABLE_ENDINGS = (".csv", ".jsonl", ".parquet")
 
 
 def refuse_target(path: Path, force: bool) -> None:
     """`InputError` for what cannot be written, before the work: an import that is there, a table that exists."""
-    if path.suffix.lower() in TABLES:
+    if path.suffix.lower() in IMPORT_TABLE_ENDINGS:
         refuse_existing(path, force=force)
         if path.suffix.lower() == ".parquet":
             _pandas(path)
     elif path.exists() and not path.is_dir():
-        problem = f"is a file; a folder, or a table that ends in {', '.join(TABLES)}, is needed"
+        problem = f"is a file; a folder, or a table that ends in {', '.join(IMPORT_TABLE_ENDINGS)}, is needed"
         raise InputError(problem, source=str(path))
-    elif (path / SUMMARY).exists() and not force:
+    elif (path / IMPORT_SUMMARY).exists() and not force:
         raise InputError("holds an import already; give --force to write over it", source=str(path))
 
 
@@ -49,7 +49,10 @@ def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any
         about: of the whole import, for `import.json`.
         friction: of the body files.
     """
-    for file in [path / SUMMARY, *(f for name in FILES for f in path.glob(name.format(0).replace("00000", "[0-9]*")))]:
+    for file in [
+        path / IMPORT_SUMMARY,
+        *(f for name in IMPORT_FILES for f in path.glob(name.format(0).replace("00000", "[0-9]*"))),
+    ]:
         file.unlink(missing_ok=True)  # of an earlier import, which may have had more grasps
     entries: list[dict[str, Any]] = []
     objects = _ObjectFiles(path, about.get("mass"), friction)
@@ -60,7 +63,7 @@ def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any
             named = {"object": row.configuration.object if body is None else _seen_from(path, body)}
             named["hand"] = _seen_from(path, row.configuration.hand) if row.configuration.hand else None
             number = sum("configuration_file" in e for e in entries)
-            name, grasp = (file.format(number) for file in FILES)
+            name, grasp = (file.format(number) for file in IMPORT_FILES)
             save_configuration(row.configuration.model_copy(update=named), path / name, force=True)
             entry["configuration_file"] = name
             if row.grasp is not None:
@@ -68,7 +71,7 @@ def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any
                 entry["grasp_file"] = grasp
         entries.append(entry)
     text = json.dumps({"schema": SCHEMA, **about, "rows": entries}, indent=1) + "\n"
-    write_text(path / SUMMARY, text, force=True)
+    write_text(path / IMPORT_SUMMARY, text, force=True)
 
 
 def _seen_from(folder: Path, name: str) -> str:

@@ -20,7 +20,7 @@ from handfast.datasets.published.mapping_file import HandMapping, PlacedGrasp, p
 from handfast.datasets.published.published_file import Source
 from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
 from handfast.datasets.published.separating import Separator, gaps_closed, pushed_on
-from handfast.geometry.contact_patch import TOLERANCE, reduced_contacts
+from handfast.geometry.contact_patch import REDUCTION_TOLERANCE, reduced_contacts
 from handfast.geometry.contacts import THRESHOLD, find_contacts, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
@@ -35,8 +35,8 @@ from handfast.readers.mesh_file import MESH_FILES
 PIECES = ("coacd/decomposed.obj", "urdf/meshes", "meshes", "mesh/coacd.obj", "mesh/simplified.obj", "")
 INNER = ("mesh", "meshes", "urdf", "coacd")  # folders in an object's own
 UPWARDS = 8  # folders above the file of grasps
-DEEPEST = 0.02  # [m] a grasp deeper than this is none: another hand, frame or scale
-KEPT = 4  # objects whose scenes are kept
+MAX_IMPORT_DEPTH = 0.02  # [m] a grasp deeper than this is none: another hand, frame or scale
+KEPT_SCENES = 4  # objects whose scenes are kept
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Treatment:
     separate: bool = True
     close_gaps: bool = True
     threshold: float = THRESHOLD
-    tolerance: float = TOLERANCE
+    tolerance: float = REDUCTION_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +256,7 @@ class Importer:
         said: dict[str, Any] = {}
         scene = separator.scene
         depth = max([0.0, *(-p.distance for p in scene.nearest(at.q, at.pose, 1e-3))])
-        if depth > DEEPEST:
+        if depth > MAX_IMPORT_DEPTH:
             problem = f"is {depth * 1e3:.3g} mm inside its object: is it the right hand, mapping and scale?"
             raise InputError(problem)
         said["penetration_before"] = depth
@@ -297,7 +297,7 @@ class Importer:
     def _separator(self, found: FoundObject, scale: float) -> Separator:
         key = (found.meshes, scale)
         if key not in self._scenes:
-            if len(self._scenes) >= KEPT:
+            if len(self._scenes) >= KEPT_SCENES:
                 self._scenes.pop(next(iter(self._scenes)))
             self._scenes[key] = Separator(Scene(self.hand, self._body(found, scale)))
         return self._scenes[key]

@@ -33,7 +33,10 @@ from handfast.datasets.published.recorded import (
 )
 
 AT_ORIGIN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # a pose
-PLACE, TURN = ("WRJTx", "WRJTy", "WRJTz"), ("WRJRx", "WRJRy", "WRJRz")  # [m]; [rad] about the fixed x, then y, then z
+PLACE, ROTATION_JOINTS = (
+    ("WRJTx", "WRJTy", "WRJTz"),
+    ("WRJRx", "WRJRy", "WRJRz"),
+)  # [m]; [rad] about the fixed x, then y, then z
 SQUEEZE = 0.2  # [rad] of the joint that GraspQP's velocities move most; they say the direction alone
 
 
@@ -125,10 +128,10 @@ def read_dexgraspnet(data: Any, name: str) -> Rows:
 
     def grasp(i: int) -> RecordedGrasp:
         values = named_numbers(entry(data[i], "qpos"), "qpos")
-        missing = [k for k in (*PLACE, *TURN) if k not in values]
+        missing = [k for k in (*PLACE, *ROTATION_JOINTS) if k not in values]
         if missing:
             raise InputError(f"has no {missing[0]}", field="qpos")
-        place, turn = ([values.pop(k) for k in keys] for keys in (PLACE, TURN))
+        place, turn = ([values.pop(k) for k in keys] for keys in (PLACE, ROTATION_JOINTS))
         score = None if data[i].get("energy") is None else number(data[i]["energy"], "energy")
         at = Posture(transform(place, roll_pitch_yaw(*turn)), values)
         return RecordedGrasp(i, at, object=name, scale=positive(entry(data[i], "scale"), "scale"), score=score)

@@ -23,8 +23,8 @@ from handfast.datasets.published.recorded import Joints, Posture, RecordedGrasp
 from handfast.model.configuration import PoseFile
 from handfast.model.hand.hand import Hand
 
-KIND = "mappings"
-BEYOND = 0.1  # [rad, m] further past a limit, the joints are others than the mapping says
+MAPPING_KIND = "mappings"
+MAX_LIMIT_EXCESS = 0.1  # [rad, m] further past a limit, the joints are others than the mapping says
 
 
 class HandMapping(Strict):
@@ -64,7 +64,7 @@ class HandMapping(Strict):
 
 def read_mapping(path: str | Path) -> HandMapping:
     """A mapping by path or bundled name, whatever the hand; `InputError` naming the first field that is wrong."""
-    return read_named(KIND, path, "mapping", lambda data, _: validate(HandMapping, data))
+    return read_named(MAPPING_KIND, path, "mapping", lambda data, _: validate(HandMapping, data))
 
 
 def load_mapping(path: str | Path, hand: Hand) -> HandMapping:
@@ -87,7 +87,7 @@ def mapping_for(layout: str, hand: Hand) -> tuple[str, HandMapping]:
     Raises:
         InputError: none does, or several do; the line says what to give.
     """
-    names = bundled.names(KIND)
+    names = bundled.names(MAPPING_KIND)
     known = {n: read_mapping(n) for n in names}
     fitting = [n for n in names if layout in known[n].layouts and known[n].fits(hand)]
     if len(fitting) == 1:
@@ -127,7 +127,7 @@ def placed(hand: Hand, mapping: HandMapping, grasp: RecordedGrasp) -> PlacedGras
 
     Raises:
         InputError: numbers that are not as many as the mapping's joints, a joint that the hand has not got, a value
-            more than `BEYOND` past its limit.
+            more than `MAX_LIMIT_EXCESS` past its limit.
     """
     q, clipped = configuration(hand, mapping, grasp.grasp.joints)
     squeeze = _target(hand, mapping, grasp.squeeze, mapping.closed)
@@ -156,7 +156,7 @@ def configuration(hand: Hand, mapping: HandMapping, joints: Joints) -> tuple[Arr
     for name, value in values.items():
         lower, upper = hand.limits[hand.joint(name)]
         past = max(float(lower) - value, value - float(upper), 0.0)
-        if past > BEYOND:
+        if past > MAX_LIMIT_EXCESS:
             problem = f"is {value:.4g}; the limits are [{lower:.4g}, {upper:.4g}]: is it the right hand and mapping?"
             raise InputError(problem, field=name)
         worst = max(worst, past)

@@ -39,18 +39,18 @@ from handfast.simulation.hand_drive import (
     with_laws_of,
 )
 
-STEP = 1e-3  # [s]
-CREEP_RATIO = 1e3  # mujoco lets what sticks creep: less with a larger one
+SCENE_TIME_STEP = 1e-3  # [s]
+SCENE_CREEP_RATIO = 1e3  # mujoco lets what sticks creep: less with a larger one
 CONTACT_TIME = 4e-3  # [s] in which overlaps of contacts are undone
-STIFF, STIFF_SLIDE = 1e3, 1e6  # [N m/rad], [N/m] of servos
+SERVO_STIFFNESS, STIFF_SLIDE = 1e3, 1e6  # [N m/rad], [N/m] of servos
 ARMATURE, ARMATURE_SLIDE, MASS = 2e-3, 0.1, 0.02  # [kg m^2], [kg] of joints, [kg] of links: files of hands seldom say
 DRAG = 0.5  # of a command is spent on viscous friction while the hand closes: what is squeezed comes to rest
-STRONG = 1e6  # [N m, N] no gearing gives way to less
-OPEN = 0.15  # [rad] by which motors that press are open at first
+GEARING_FORCE = 1e6  # [N m, N] no gearing gives way to less
+OPEN_ANGLE = 0.15  # [rad] by which motors that press are open at first
 OPEN_SLIDE = 0.01  # [m]
 HEIGHT = 0.1  # [m] of the lift
 TIMES = {"open": 0.0, "closed": 1.0, "squeezed": 2.0, "locked": 2.1, "lifted": 3.6}  # [s] at which targets are reached
-FOOT = 5e-4  # [m] above the lowest point: what stands on the ground
+FOOT_HEIGHT = 5e-4  # [m] above the lowest point: what stands on the ground
 CLEARLY = 0.1  # by how much of its firmness a side has to be exceeded for the object to stand on something else
 _SIDES = [np.array(R, dtype=float) for R in (
     [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
@@ -127,7 +127,7 @@ def standing(vertices: Array, center: Array) -> Array:
     def firmness(R: Array) -> float:
         turned, middle = corners @ R.T, R @ center
         lowest = turned[:, 2].min()
-        foot = turned[turned[:, 2] < lowest + FOOT][:, :2] - middle[:2]
+        foot = turned[turned[:, 2] < lowest + FOOT_HEIGHT][:, :2] - middle[:2]
         reach = (foot @ around).max(axis=0).min()  # [m] to the nearest edge
         return round(float(reach / max(middle[2] - lowest, 1e-6)), 6)
 
@@ -191,12 +191,12 @@ class _Motor:
     @property
     def opening(self) -> float:
         """By how much it is open at first if it presses, in its displacement."""
-        return (OPEN_SLIDE if self.slides else OPEN) * self.size / float(np.abs(self.row).max())
+        return (OPEN_SLIDE if self.slides else OPEN_ANGLE) * self.size / float(np.abs(self.row).max())
 
     @property
     def gains(self) -> tuple[float, float]:
         """kp and kd of its servos."""
-        stiffness, mass = (STIFF_SLIDE, ARMATURE_SLIDE) if self.slides else (STIFF, ARMATURE)
+        stiffness, mass = (STIFF_SLIDE, ARMATURE_SLIDE) if self.slides else (SERVO_STIFFNESS, ARMATURE)
         return stiffness / self.size, 2 * np.sqrt(stiffness * mass) / self.size
 
     def targets(self, when: str, squeezed: float) -> list[float]:
@@ -231,7 +231,7 @@ class _Scene:
         spec = mujoco.MjSpec()
         spec.modelname = f"{self.hand.name} lifts {self.body.name}"
         spec.compiler.degree = False
-        spec.option.timestep, spec.option.impratio = STEP, CREEP_RATIO
+        spec.option.timestep, spec.option.impratio = SCENE_TIME_STEP, SCENE_CREEP_RATIO
         spec.option.cone, spec.option.integrator = (
             mujoco.mjtCone.mjCONE_ELLIPTIC,
             mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
@@ -352,9 +352,9 @@ class _Scene:
                 tendon.damping = [DRAG * motor.command * TIMES["closed"] / motor.opening, 0, 0]
                 servo(_named(motor.name), by_tendon, tendon.name, motor.gains, -motor.command, motor.command)
                 if motor.holds:
-                    servo(f"{motor.name} gearing", by_tendon, tendon.name, motor.gains, 0.0, STRONG)
+                    servo(f"{motor.name} gearing", by_tendon, tendon.name, motor.gains, 0.0, GEARING_FORCE)
             elif motor.moves:  # a tendon, which pulls alone
-                servo(_named(motor.name), by_tendon, tendon.name, motor.gains, 0.0, STRONG)
+                servo(_named(motor.name), by_tendon, tendon.name, motor.gains, 0.0, GEARING_FORCE)
             else:
                 servo(_named(motor.name), by_tendon, tendon.name, motor.gains)
         servo("lift", mujoco.mjtTrn.mjTRN_JOINT, "lift", (2e4, 2e3))

@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 
 from handfast.core.errors import InputError
 
-DTYPES = re.compile(r"[|<>=]?(b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?|\?)")
+DTYPE_PATTERN = re.compile(r"[|<>=]?(b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?|\?)")
 DIMENSIONS = 32
 STORAGES = {
     **{"DoubleStorage": "<f8", "FloatStorage": "<f4", "HalfStorage": "<f2", "BFloat16Storage": "<u2"},
     **{"LongStorage": "<i8", "IntStorage": "<i4", "ShortStorage": "<i2", "CharStorage": "i1"},
     **{"ByteStorage": "u1", "BoolStorage": "b1"},
 }
-BROKEN = (  # what the standard library and our makers raise for bytes that are no pickle
+PICKLE_ERRORS = (  # what the standard library and our makers raise for bytes that are no pickle
     *(pickle.UnpicklingError, EOFError, ValueError, IndexError, KeyError, TypeError, AttributeError),
     *(OverflowError, RecursionError),
 )
@@ -67,7 +67,7 @@ def read_pickle(data: bytes, storage: LoadStorage | None = None) -> Any:
         return _PlainUnpickler(data, storage).load()
     except InputError:
         raise
-    except BROKEN as fault:
+    except PICKLE_ERRORS as fault:
         reason = " ".join(str(fault).split())[:80]
         raise InputError(f"is no whole pickle ({type(fault).__name__}: {reason})") from None
 
@@ -175,7 +175,7 @@ def plain_dtype(text: Any) -> np.dtype[Any]:
     """The dtype of numbers, truth values, texts or objects that a text stands for; `InputError` for another one."""
     if isinstance(text, bytes):
         text = text.decode("latin-1")
-    if not (isinstance(text, str) and DTYPES.fullmatch(text)):
+    if not (isinstance(text, str) and DTYPE_PATTERN.fullmatch(text)):
         said = repr(text[:40]) if isinstance(text, str) else f"a {type(text).__name__}"
         raise InputError(f"has an array of type {said}; numbers, texts and objects are admitted")
     return np.dtype(text.replace("O8", "O"))

@@ -10,13 +10,13 @@ from typing import Any
 
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.files import read_json
-from handfast.core.limited import MEMORY, SECONDS, limited
+from handfast.core.limited import CPU_SECONDS, EXTRA_MEMORY, limited
 from handfast.datasets.published.array_file import read_array_file
 from handfast.datasets.published.layouts import LAYOUTS, PublishedLayout
 from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
 
 ENDINGS = (".npy", ".npz", ".pt", ".pth", ".pkl", ".pickle", ".json", ".yaml", ".yml")
-TOGETHER, BYTES = 200, 1 << 24  # files, and [bytes] of them, that one process reads
+BATCH_FILES, BYTES = 200, 1 << 24  # files, and [bytes] of them, that one process reads
 MEMORY_A_BYTE, SECONDS_A_BYTE = 20, 4e-6  # that reading a file may take beyond the usual limits
 
 
@@ -101,7 +101,7 @@ def _batches(files: list[Path]) -> Iterator[list[Path]]:
     batch, size = list[Path](), 0
     for file in files:
         own = _size(file)
-        if batch and (len(batch) >= TOGETHER or size + own > BYTES):
+        if batch and (len(batch) >= BATCH_FILES or size + own > BYTES):
             yield batch
             batch, size = [], 0
         batch, size = [*batch, file], size + own
@@ -121,7 +121,7 @@ def _read(files: list[Path], layout: str | None, count: int | None) -> list[Foun
     if layout is not None and layout not in LAYOUTS:
         raise unknown_name("layout", layout, LAYOUTS, field="--layout")
     size = sum(map(_size, files))
-    memory, seconds = MEMORY + MEMORY_A_BYTE * size, SECONDS + int(SECONDS_A_BYTE * size)
+    memory, seconds = EXTRA_MEMORY + MEMORY_A_BYTE * size, CPU_SECONDS + int(SECONDS_A_BYTE * size)
     try:
         return limited(_read_here, files, layout, count, memory=memory, seconds=seconds)
     except InputError as fault:

@@ -10,10 +10,10 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.transforms import FARTHEST, nearest_rotation, quaternion_matrix, rigid, transform
+from handfast.core.transforms import MAX_COORDINATE, nearest_rotation, quaternion_matrix, rigid, transform
 
 Joints = Mapping[str, float] | Array  # by the file's names, or (k,) in an order that the file does not say
-TURNED = 1e-3  # by how much a rotation may miss being one, by the rounding of single precision
+ROTATION_TOLERANCE = 1e-3  # by how much a rotation may miss being one, by the rounding of single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +99,8 @@ def numbers(value: Any, shape: tuple[int | None, ...], field: str) -> Array:
         raise InputError(f"has shape {found.shape}; {need} is needed", field=field)
     if not np.isfinite(found).all():
         raise InputError("has a number that is NaN or infinite", field=field)
-    if np.abs(found).max(initial=0.0) > FARTHEST:
-        raise InputError(f"has a number beyond {FARTHEST:g}; metres and radians are needed", field=field)
+    if np.abs(found).max(initial=0.0) > MAX_COORDINATE:
+        raise InputError(f"has a number beyond {MAX_COORDINATE:g}; metres and radians are needed", field=field)
     return found
 
 
@@ -135,7 +135,7 @@ def text(value: Any) -> str:
 def pose_of(value: Any, field: str) -> Array:
     """(4, 4) from a position [m] and a quaternion (w, x, y, z)."""
     found = numbers(value, (7,), field)
-    if abs(np.linalg.norm(found[3:]) - 1) > TURNED:
+    if abs(np.linalg.norm(found[3:]) - 1) > ROTATION_TOLERANCE:
         length = np.linalg.norm(found[3:])
         raise InputError(f"has a quaternion of length {length:.4g}; w, x, y, z of length 1 is needed", field=field)
     return transform(found[:3], quaternion_matrix(found[3:]))
@@ -145,7 +145,7 @@ def matrix_pose(value: Any, field: str) -> Array:
     """(4, 4) from a matrix that is a rigid motion but for rounding."""
     found = numbers(value, (4, 4), field)
     R = found[:3, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > TURNED or np.linalg.det(R) < 0:
+    if np.abs(R @ R.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(R) < 0:
         raise InputError("is not a rigid motion; a rotation and a translation are needed", field=field)
     return rigid(transform(found[:3, 3], nearest_rotation(R)), field)
 

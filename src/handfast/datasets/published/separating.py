@@ -21,17 +21,17 @@ from handfast.geometry.scene import HandObjectPair, Scene, SelfCollisionPair
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
 
-NEAR = 2e-3  # [m] pairs nearer than this are watched in a step
-TOUCH = 1e-5  # [m] two surfaces are taken to this distance, so that rounding leaves them apart
-CLEAR = 5e-6  # [m] penetration that counts as none
-STEPS = 30
-LARGEST = 5e-3  # [m] of a step: further away, the linearised distances say little
+PAIR_DISTANCE = 2e-3  # [m] pairs nearer than this are watched in a step
+TOUCH_DISTANCE = 1e-5  # [m] two surfaces are taken to this distance, so that rounding leaves them apart
+CLEAR_DEPTH = 5e-6  # [m] penetration that counts as none
+SEPARATION_STEPS = 30
+MAX_SEPARATION_STEP = 5e-3  # [m] of a step: further away, the linearised distances say little
 FINGER_TOUCH = 2e-5  # [m] a finger this near touches
-REACH = 0.05  # [m] beyond this, distances are not computed
-LOOKS = 24  # along the way to the target; the search for the touch halves one of these steps
-HALVINGS = 14
-MEETING = 1e-4  # [m] by which two links may go deeper into each other
-FARTHEST = 0.05  # [m] that a gripper pushes an object before it
+SEPARATION_CUTOFF = 0.05  # [m] beyond this, distances are not computed
+TARGET_LOOKS = 24  # along the way to the target; the search for the touch halves one of these steps
+TOUCH_HALVINGS = 14
+MAX_LINK_OVERLAP = 1e-4  # [m] by which two links may go deeper into each other
+MAX_PUSH = 0.05  # [m] that a gripper pushes an object before it
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Separation:
     @property
     def apart(self) -> bool:
         """Whether no penetration is left."""
-        return self.after <= CLEAR
+        return self.after <= CLEAR_DEPTH
 
 
 class Separator:
@@ -90,11 +90,11 @@ class Separator:
         """
         start, first = (q, pose), None
         depth = 0.0
-        for step in range(STEPS + 1):
-            near, own = self.scene.pairs(q, pose, NEAR)
+        for step in range(SEPARATION_STEPS + 1):
+            near, own = self.scene.pairs(q, pose, PAIR_DISTANCE)
             depth = max([0.0, *(-n.distance for n in near)])
             first = depth if first is None else first
-            if depth <= CLEAR or step == STEPS:
+            if depth <= CLEAR_DEPTH or step == SEPARATION_STEPS:
                 break
             q, pose = self._moved(q, pose, self._step(q, pose, near, own if joints else (), joints))
         moved = np.abs(q - start[0])
@@ -125,7 +125,7 @@ class Separator:
         for n in near:
             of_joints = n.normal @ hand.jacobian_about(n.link, n.on_hand, axes, origins) @ self.spread
             rows.append(np.r_[n.normal, cross(n.on_object - center, n.normal), -of_joints * joints])
-            least.append(TOUCH - n.distance)
+            least.append(TOUCH_DISTANCE - n.distance)
         for s in own:
             first, second = (
                 hand.jacobian_about(link, point, axes, origins)
@@ -140,7 +140,7 @@ class Separator:
                 least.append(-max(float(room), 0.0))
         x = least_distance(np.array(rows) / self.size, np.array(least))
         largest = float(np.abs(x).max(initial=0.0))
-        return x * min(1.0, LARGEST / max(largest, 1e-12)) / self.size
+        return x * min(1.0, MAX_SEPARATION_STEP / max(largest, 1e-12)) / self.size
 
     def _moved(self, q: Array, pose: Array, x: Array) -> tuple[Array, Array]:
         from scipy.spatial.transform import Rotation
@@ -255,7 +255,7 @@ def gaps_closed(scene: Scene, q: Array, pose: Array, target: Array) -> GapsClose
         at = q.copy()
         for own, share in zip(joints, t, strict=True):
             at[own] += share * way[own]
-        distance = scene.distance(at, pose, REACH)
+        distance = scene.distance(at, pose, SEPARATION_CUTOFF)
         return np.array([distance[own].min() for own in links])
 
     count = len(fingers)
@@ -264,15 +264,15 @@ def gaps_closed(scene: Scene, q: Array, pose: Array, target: Array) -> GapsClose
         [bool(first[k] > FINGER_TOUCH and np.abs(way[joints[k]]).max() > 0) for k in range(count)], dtype=bool
     )
     low, high = np.zeros(count), np.full(count, np.nan)
-    for step in range(1, LOOKS + 1):
+    for step in range(1, TARGET_LOOKS + 1):
         if not (moving & np.isnan(high)).any():
             break
-        t = np.where(moving & np.isnan(high), step / LOOKS, 0.0)
+        t = np.where(moving & np.isnan(high), step / TARGET_LOOKS, 0.0)
         met = (gaps(t) <= FINGER_TOUCH) & (t > 0)
         high[met] = t[met]
         low = np.where((t > 0) & ~met, t, low)
     met = ~np.isnan(high)
-    for _ in range(HALVINGS if met.any() else 0):
+    for _ in range(TOUCH_HALVINGS if met.any() else 0):
         middle = np.where(met, (low + high) / 2, 0.0)
         found = gaps(middle)
         low, high = np.where(met & (found > 0), middle, low), np.where(met & (found <= 0), middle, high)
@@ -295,8 +295,8 @@ def gaps_closed(scene: Scene, q: Array, pose: Array, target: Array) -> GapsClose
 
 def _meeting(scene: Scene, before: Array, after: Array, pose: Array) -> set[int]:
     """Links of pairs of the hand that one configuration puts deeper into each other than another one did."""
-    was, now = (scene.clearances(x, pose, MEETING)[1] for x in (before, after))
-    deeper = now < np.minimum(was, 0.0) - MEETING
+    was, now = (scene.clearances(x, pose, MAX_LINK_OVERLAP)[1] for x in (before, after))
+    deeper = now < np.minimum(was, 0.0) - MAX_LINK_OVERLAP
     return {link for pair, yes in zip(scene.self_pairs, deeper, strict=True) if yes for link in pair}
 
 
@@ -313,10 +313,10 @@ def pushed_on(separator: Separator, q: Array, pose: Array, target: Array) -> tup
         configuration, object's pose, and how far its centre was pushed [m].
     """
     scene, first = separator.scene, (q, pose)
-    if (scene.distance(q, pose, REACH) <= THRESHOLD).sum() != 1:
+    if (scene.distance(q, pose, SEPARATION_CUTOFF) <= THRESHOLD).sum() != 1:
         return q, pose, 0.0
-    way, t, step, moved = target - q, 0.0, 1 / LOOKS, 0.0
-    while step > 2.0**-HALVINGS and t < 1 and moved < FARTHEST:
+    way, t, step, moved = target - q, 0.0, 1 / TARGET_LOOKS, 0.0
+    while step > 2.0**-TOUCH_HALVINGS and t < 1 and moved < MAX_PUSH:
         further = q + min(1.0, t + step) * way
         done = separator.separated(further, pose, joints=False)
         if done.apart:
@@ -324,7 +324,7 @@ def pushed_on(separator: Separator, q: Array, pose: Array, target: Array) -> tup
             moved += done.object_moved
         else:
             step /= 2
-    held = (scene.distance(q + t * way, pose, REACH) <= THRESHOLD).sum() > 1
+    held = (scene.distance(q + t * way, pose, SEPARATION_CUTOFF) <= THRESHOLD).sum() > 1
     return (q + t * way, pose, moved) if held else (*first, 0.0)
 
 

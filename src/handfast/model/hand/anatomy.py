@@ -16,19 +16,19 @@ from handfast.core.arrays import Array
 from handfast.model.hand.coupling import coupled, drivers
 from handfast.model.hand.hand import Hand
 
-LOOKS = 9  # values of a joint, from limit to limit, at which the fingertips are looked at
+JOINT_LOOKS = 9  # values of a joint, from limit to limit, at which the fingertips are looked at
 AGAINST = 0.3  # of the way that a tip goes, by how much it has to come nearer for a sense against the limits' hint
 CLOSES = 0.1  # .. for a sense of which the limits say nothing, if the joint moves further than spreads do ..
 SURELY = 0.8  # .. and if it does not
-SPREAD = np.radians(140)  # range of a joint that is no spread or abduction
+MAX_SPREAD_RANGE = np.radians(140)  # range of a joint that is no spread or abduction
 FLEXION = np.radians(90)  # .. or of one that turns about the same direction as one further out that closes
 PARALLEL = 0.95  # least cosine of two such directions
 HYPEREXTENDED = np.radians(30)  # an open finger is bent back by at most this from the hand's rest
 LOPSIDED = 1.5  # times as far as it closes, from rest: a joint that goes further back than that is not straight at rest
 MIDWAY = 0.5  # of the closing ranges, where the other joints are while one is looked at
-ROUNDS = 3
-STILL = 1e-6  # [m, rad] a fingertip, or a joint, that moves less stays where it is
-LITTLE = 0.05  # of the closing ranges
+ANATOMY_ROUNDS = 3
+MIN_FINGER_MOTION = 1e-6  # [m, rad] a fingertip, or a joint, that moves less stays where it is
+CLOSING_INCREMENT = 0.05  # of the closing ranges
 REVOLUTION = np.pi  # [rad] what a joint without limits is looked at within, each way
 
 
@@ -146,7 +146,7 @@ def with_guessed_senses(hand: Hand) -> Hand:
     closing = limits.copy()
     free = [j for j in range(hand.l) if follows[j][0] == j and j not in {*anatomy.wrist, *hand.dependent}]
     free = [j for j in free if hand.joints[j].lower < hand.joints[j].upper]
-    for _ in range(ROUNDS):
+    for _ in range(ANATOMY_ROUNDS):
         before = closing.copy()
         for j in free:
             closing[j] = _sense(anatomy, closing, j, limits[j] or _bends(anatomy, closing, j))
@@ -162,9 +162,9 @@ def with_guessed_senses(hand: Hand) -> Hand:
 def _with_loops(anatomy: Anatomy, closing: Array) -> Array:
     """(l,) how joints move when the hand, half closed, closes a little more: those that follow from loops with it."""
     opened, closed = anatomy.ends(np.where(np.isin(np.arange(len(closing)), anatomy.hand.dependent), 0.0, closing))
-    less, more = (anatomy.within(opened + share * (closed - opened)) for share in (MIDWAY, MIDWAY + LITTLE))
+    less, more = (anatomy.within(opened + share * (closed - opened)) for share in (MIDWAY, MIDWAY + CLOSING_INCREMENT))
     moved = more - less
-    return np.asarray(np.where(np.abs(moved) > STILL, moved, 0.0))
+    return np.asarray(np.where(np.abs(moved) > MIN_FINGER_MOTION, moved, 0.0))
 
 
 def _sense(anatomy: Anatomy, closing: Array, j: int, hint: float) -> float:
@@ -172,7 +172,7 @@ def _sense(anatomy: Anatomy, closing: Array, j: int, hint: float) -> float:
     joint, gain = anatomy.hand.joints[j], approach_gain(anatomy, closing, j)
     if hint:
         return -hint if gain * hint < -AGAINST else hint
-    wide = joint.type == "prismatic" or joint.upper - joint.lower > SPREAD
+    wide = joint.type == "prismatic" or joint.upper - joint.lower > MAX_SPREAD_RANGE
     return float(np.sign(gain)) if abs(gain) > (CLOSES if wide else SURELY) else 0.0
 
 
@@ -198,9 +198,9 @@ def approach_gain(anatomy: Anatomy, closing: Array, j: int) -> float:
     """
     hand = anatomy.hand
     opened, closed = anatomy.ends(closing)
-    q = np.tile(opened + MIDWAY * (closed - opened), (LOOKS, 1))
+    q = np.tile(opened + MIDWAY * (closed - opened), (JOINT_LOOKS, 1))
     first, last = np.clip(hand.limits[j], -REVOLUTION, REVOLUTION).tolist()
-    q[:, j] = np.linspace(first, last, LOOKS)
+    q[:, j] = np.linspace(first, last, JOINT_LOOKS)
     q = anatomy.within(q)
     at = anatomy.middles(q, anatomy.tips)  # (tips, looks, 3)
     palm = anatomy.middles(q, anatomy.palm).mean(axis=0) if anatomy.palm else None
@@ -210,9 +210,9 @@ def approach_gain(anatomy: Anatomy, closing: Array, j: int) -> float:
         others = [i for i, f in enumerate(fingers) if f != fingers[k]]
         parts = [np.linalg.norm(at[k] - at[others], axis=2).mean(axis=0)] if others else []
         parts += [np.linalg.norm(at[k] - palm, axis=1)] if palm is not None else []
-        apart = np.mean(parts, axis=0) if parts else np.zeros(LOOKS)
+        apart = np.mean(parts, axis=0) if parts else np.zeros(JOINT_LOOKS)
         moved = float(np.linalg.norm(np.diff(at[k], axis=0), axis=1).sum())
-        if moved > STILL:
+        if moved > MIN_FINGER_MOTION:
             gain, way = gain + float(apart[0] - apart[-1]), way + moved
     return gain / way if way else 0.0
 

@@ -13,7 +13,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.presented import Presented
-from handfast.core.transforms import FARTHEST, cross, rigid
+from handfast.core.transforms import MAX_COORDINATE, cross, rigid
 from handfast.model.hand.joint_law import LAWS, NO_LAW, JointLaw, PassiveTendon, laws_named
 from handfast.model.hand.loop import Loop, LoopClosure
 from handfast.model.mechanism import Mechanism
@@ -58,11 +58,11 @@ class Joint:
             raise InputError(f"has length {length:.3g}; a direction is needed", field=f"{self.name}.axis")
         object.__setattr__(self, "axis", frozen(axis / length, (3,), f"{self.name}.axis"))
         object.__setattr__(self, "anchor", frozen(self.anchor, (3,), f"{self.name}.anchor"))
-        if np.abs(self.anchor).max() > FARTHEST:
-            raise InputError(f"is more than {FARTHEST:g} m away", field=f"{self.name}.anchor")
-        if not all(abs(x) <= FARTHEST for x in (self.lower, self.upper, self.ref)):
+        if np.abs(self.anchor).max() > MAX_COORDINATE:
+            raise InputError(f"is more than {MAX_COORDINATE:g} m away", field=f"{self.name}.anchor")
+        if not all(abs(x) <= MAX_COORDINATE for x in (self.lower, self.upper, self.ref)):
             numbers = f"are {self.lower:g} and {self.upper:g}, its reference {self.ref:g}"
-            raise InputError(f"{numbers}; at most {FARTHEST:g} is possible", field=f"{self.name} limits")
+            raise InputError(f"{numbers}; at most {MAX_COORDINATE:g} is possible", field=f"{self.name} limits")
         if not self.lower <= self.upper:
             limits = f"[{self.lower:g}, {self.upper:g}]"
             raise InputError(f"are {limits}; the lower one comes first", field=f"{self.name} limits")
@@ -188,9 +188,9 @@ class Hand(Presented):
         driver: dict[int, int] = {}
         for c in self.couplings:
             name = self.joint_names[c.joint]
-            if not all(abs(x) <= FARTHEST for x in (c.ratio, c.offset)):
+            if not all(abs(x) <= MAX_COORDINATE for x in (c.ratio, c.offset)):
                 numbers = f"ratio {c.ratio:g} and offset {c.offset:g}"
-                raise InputError(f"has {numbers}; at most {FARTHEST:g} is possible", field=name)
+                raise InputError(f"has {numbers}; at most {MAX_COORDINATE:g} is possible", field=name)
             if c.joint in driver:
                 raise InputError("is tied to two joints at once; one driver is needed", field=name)
             driver[c.joint] = c.driver

@@ -10,10 +10,10 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, require_not_negative
-from handfast.core.schema import OPEN, InFiles, NullFor
+from handfast.core.schema import OPEN_FIELD, InFiles, NullFor
 
 LAWS = ("stops", "friction", "springs")
-FREE = (-np.inf, np.inf)
+NO_STOPS = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class JointLaw(InFiles):
     stiffness: float = 0.0
     rest: tuple[float, float] = (0.0, 0.0)
     stops: tuple[Annotated[float, NullFor(-np.inf)], Annotated[float, NullFor(np.inf)]] = field(
-        default=FREE, metadata=OPEN
+        default=NO_STOPS, metadata=OPEN_FIELD
     )
 
     def __post_init__(self) -> None:
@@ -76,7 +76,7 @@ class JointLaw(InFiles):
 
     def only(self, kept: frozenset[str]) -> JointLaw:
         """Without what is not among some of `LAWS`."""
-        law = self if "stops" in kept else replace(self, stops=FREE)
+        law = self if "stops" in kept else replace(self, stops=NO_STOPS)
         law = law if "friction" in kept else replace(law, friction=0.0)
         return law if "springs" in kept else replace(law, stiffness=0.0, rest=(0.0, 0.0))
 

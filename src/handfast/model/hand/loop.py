@@ -11,15 +11,15 @@ import numpy as np
 from handfast.core.arrays import Array, Indices, Mask, frozen
 from handfast.core.errors import InputError
 
-CLOSED = 1e-6  # [m] gap that is let pass: of axes that a file gives with few digits
-EXACT = 1e-13  # [m] gap at which nothing more is to be gained
+MAX_LOOP_GAP = 1e-6  # [m] gap that is let pass: of axes that a file gives with few digits
+EXACT_LOOP_GAP = 1e-13  # [m] gap at which nothing more is to be gained
 NEWTON = 30  # steps at most; near the solution three or four do
 STRIDE = 0.2  # [rad] by which a loop is moved at once, so that it stays on its branch
-SLIDE = 0.01  # [m] the same of a prismatic joint
-SHORTEST = 1e-7  # of the way, below which it is at its end
+LOOP_SLIDE = 0.01  # [m] the same of a prismatic joint
+MIN_LOOP_STEP = 1e-7  # of the way, below which it is at its end
 INDEPENDENT = 1e-5  # sine of the angle between a column and those before it
-SINGULAR = 1e-7  # ratio of the singular values from which on a joint's motion is not determined
-ROUNDING = 1e-12
+SINGULAR_RATIO = 1e-7  # ratio of the singular values from which on a joint's motion is not determined
+LOOP_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class LoopClosure:
         Raises:
             InputError: a loop that cannot be closed, with what remains of its gap.
         """
-        strides = np.where(prismatic, SLIDE, STRIDE)
+        strides = np.where(prismatic, LOOP_SLIDE, STRIDE)
         found = cls(names, gaps, *couplings, limits, strides, pins, start, ())
         free = np.flatnonzero(np.diag(found.follow) == 1.0)
         q, J = found._newton(start, free)
@@ -125,9 +125,9 @@ class LoopClosure:
         own = list(self.dependent)
         way = np.asarray(q, dtype=float) - at
         way[own] = 0.0
-        tolerance = max(self._excess(at), ROUNDING) if as_far_as_possible else np.inf
+        tolerance = max(self._excess(at), LOOP_ROUNDING) if as_far_as_possible else np.inf
         done, step = 0.0, 1.0 / max(1.0, float(np.ceil(np.max(np.abs(way) / self.strides))))
-        shortest, gap = SHORTEST * step, np.zeros(3)
+        shortest, gap = MIN_LOOP_STEP * step, np.zeros(3)
         while done < 1:
             step = min(step, 1 - done)
             guess = at + step * way
@@ -163,15 +163,15 @@ class LoopClosure:
         own = list(self.dependent)
         J = self.gaps(q)[1] @ self.follow
         left, values, right = np.linalg.svd(J[:, own], full_matrices=False)
-        if refuse and values[-1] < SINGULAR * values[0]:
+        if refuse and values[-1] < SINGULAR_RATIO * values[0]:
             names = ", ".join(self.names[j] for j in own)
             raise InputError(f"is in a singular position: the motion of {names} is not determined", field=self._named())
-        rank = values >= SINGULAR * values[0]
+        rank = values >= SINGULAR_RATIO * values[0]
         others = np.diag(self.follow) == 1.0
         others[own] = False
         T = np.zeros((len(own), len(q)))
         T[:, others] = -(right[rank].T / values[rank]) @ (left[:, rank].T @ J[:, others])
-        T[np.abs(T) < ROUNDING] = 0.0
+        T[np.abs(T) < LOOP_ROUNDING] = 0.0
         return T
 
     def _newton(self, q: Array, unknown: Indices) -> tuple[Array | None, Array]:
@@ -180,16 +180,16 @@ class LoopClosure:
         for _ in range(NEWTON):
             gap, J = self.gaps(at)
             size = float(np.abs(gap).max(initial=0.0))
-            if size < EXACT or (size <= CLOSED and size > 0.5 * before):
+            if size < EXACT_LOOP_GAP or (size <= MAX_LOOP_GAP and size > 0.5 * before):
                 break
             before = size
-            step = np.linalg.lstsq((J @ self.follow)[:, unknown], -gap, rcond=SINGULAR)[0]
-            step *= min(1.0, 5 * float(np.min(self.strides[unknown] / np.maximum(np.abs(step), ROUNDING))))
+            step = np.linalg.lstsq((J @ self.follow)[:, unknown], -gap, rcond=SINGULAR_RATIO)[0]
+            step *= min(1.0, 5 * float(np.min(self.strides[unknown] / np.maximum(np.abs(step), LOOP_ROUNDING))))
             at = at.copy()
             at[unknown] += step
             at = self.follow @ at + self.offset
         gap = self.gaps(at)[0]
-        return (at if np.abs(gap).max(initial=0.0) <= CLOSED else None), gap
+        return (at if np.abs(gap).max(initial=0.0) <= MAX_LOOP_GAP else None), gap
 
     def _excess(self, q: Array) -> float:
         """By how much a joint is beyond its limits, of those that follow from others; 0 if none is."""
@@ -202,7 +202,7 @@ class LoopClosure:
     def _moving(self) -> Mask:
         """(l,) the joints that move an end of a loop against the other."""
         J = self.gaps(self.assembled)[1]
-        free = np.abs(J @ self.follow).max(axis=0, initial=0.0) > ROUNDING
+        free = np.abs(J @ self.follow).max(axis=0, initial=0.0) > LOOP_ROUNDING
         return np.asarray(free | (np.abs(self.follow[:, free]).max(axis=1, initial=0.0) > 0))
 
     def _where(self, q: Array) -> str:

@@ -19,7 +19,7 @@ from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, direct_mechanism
 from handfast.model.shape import Shape
 
-FINGERS = ("little", "ring", "middle", "index", "thumb")
+FINGER_NAMES = ("little", "ring", "middle", "index", "thumb")
 PHALANGES = {2: ("proximal", "distal"), 3: ("proximal", "middle", "distal")}
 ALONG_X = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # a shape's z along the link's x
 
@@ -149,10 +149,10 @@ def hand_from_structure(
     """
     size = dimensions or Dimensions()
     for finger in fingers:
-        if finger not in FINGERS:
-            raise unknown_name("finger", finger, FINGERS, field="fingers")
+        if finger not in FINGER_NAMES:
+            raise unknown_name("finger", finger, FINGER_NAMES, field="fingers")
     made = _HandParts([Link("palm", -1, np.eye(4), (), (_palm(size),))])
-    across = [f for f in FINGERS if f in fingers and f != "thumb"]
+    across = [f for f in FINGER_NAMES if f in fingers and f != "thumb"]
     spread = np.linspace(-size.palm[1] / 2, size.palm[1] / 2, len(across)) if len(across) > 1 else np.zeros(1)
     for finger, y in zip(across, spread, strict=False):
         _finger(made, finger, fingers[finger], float(y), size)

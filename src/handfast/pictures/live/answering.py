@@ -22,9 +22,9 @@ from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import OnStep, Progress, Settings
 from handfast.stability.studies.questions import check, maximum
 
-DIRECTIONS = 72  # of a map
-ROUNDS = 0, 3, 1, 5, 2, 4  # each asks every sixth direction from there on: at first a coarse map all around
-PATIENCE = 1.0  # [s] after which a verdict that nobody waits for any more is given up
+LIVE_DIRECTIONS = 72  # of a map
+DIRECTION_ROUNDS = 0, 3, 1, 5, 2, 4  # each asks every sixth direction from there on: at first a coarse map all around
+VERDICT_TIMEOUT = 1.0  # [s] after which a verdict that nobody waits for any more is given up
 QUICK = Settings(gap=1e-2, verify=False, timeout=20.0, jobs=1)  # proofs are replayed when the page is at rest
 OF_MAP = Settings(gap=3e-3, verify=False, timeout=0.5, jobs=1)
 Indices = NDArray[np.intp]
@@ -89,7 +89,7 @@ def answer(state: ViewState, before: Reply | None, outdated: Callable[[], bool],
     start = time.monotonic()
 
     def late(_: Progress) -> None:
-        if outdated() and time.monotonic() - start > PATIENCE:
+        if outdated() and time.monotonic() - start > VERDICT_TIMEOUT:
             raise OutdatedError
 
     def leave(_: Progress) -> None:
@@ -130,10 +130,10 @@ def replay(reply: Reply) -> bool:
 def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator[PlaneMap]:
     """The map, finer and finer, from where it was left."""
     axes, key = state.map_axes, state.map_key
-    sizes = known.sizes if known else np.full(DIRECTIONS, np.nan)
+    sizes = known.sizes if known else np.full(LIVE_DIRECTIONS, np.nan)
     if axes is None or key is None or not np.isnan(sizes).any():
         return
-    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    angles = 2 * np.pi * np.arange(LIVE_DIRECTIONS) / LIVE_DIRECTIONS
     directions = np.column_stack([np.cos(angles), np.sin(angles)]) @ axes
     directions[np.abs(directions) < 1e-12] = 0.0
     if state.is_torque:
@@ -141,10 +141,10 @@ def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator
     else:
         wrenches = np.hstack([directions, np.cross(state.at, directions)])
     wrenches = wrenches + 0.0  # no -0
-    step, done, limits = len(ROUNDS), DIRECTIONS - int(np.isnan(sizes).sum()), GraspLimits(state.eta)
-    for begin in ROUNDS[done * step // DIRECTIONS :]:
+    step, done, limits = len(DIRECTION_ROUNDS), LIVE_DIRECTIONS - int(np.isnan(sizes).sum()), GraspLimits(state.eta)
+    for begin in DIRECTION_ROUNDS[done * step // LIVE_DIRECTIONS :]:
         sizes = sizes.copy()
-        for i in range(begin, DIRECTIONS, step):
+        for i in range(begin, LIVE_DIRECTIONS, step):
             sizes[i] = 0.0
             if not unbalanced(state.grasp, w := wrenches[i]):
                 most = maximum(state.asked, w, limits=limits, settings=OF_MAP, on_progress=leave)

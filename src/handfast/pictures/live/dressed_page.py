@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 TITLE = b"<title>Viser</title>", b"<title>handfast view</title>"
-HEAD = b"<head>"
+HEAD_TAG = b"<head>"
 DARK = """
 const dark = matchMedia("(prefers-color-scheme: dark)"), address = new URL(location.href);
 if (dark.matches !== address.searchParams.has("darkMode")) {
@@ -19,7 +19,7 @@ if (dark.matches !== address.searchParams.has("darkMode")) {
 }
 dark.addEventListener("change", () => location.reload());
 """
-STYLE = """
+LIVE_CSS = """
 :root { --soft: #667; --track: #e3e6ea; --mark: #222; --rim: #d5d9de; --known: #dfe8f4; --late: #ececec; }
 @media (prefers-color-scheme: dark) {
   :root { --soft: #a5abb3; --track: #3d4249; --mark: #eee; --rim: #4a5058; --known: #263a54; --late: #333; }
@@ -33,7 +33,7 @@ STYLE = """
   }
 }
 """
-ADDED = f"<script>{DARK}</script><style>{STYLE}</style>".encode()
+ADDED = f"<script>{DARK}</script><style>{LIVE_CSS}</style>".encode()
 
 
 def dressed(process: Any) -> Any:
@@ -43,8 +43,8 @@ def dressed(process: Any) -> Any:
         if "Accept-Encoding" in request.headers:  # the page as it is, not compressed
             del request.headers["Accept-Encoding"]
         response = process(connection, request)
-        if response is not None and HEAD in response.body[:2000]:
-            response.body = response.body.replace(HEAD, HEAD + ADDED, 1).replace(*TITLE, 1)
+        if response is not None and HEAD_TAG in response.body[:2000]:
+            response.body = response.body.replace(HEAD_TAG, HEAD_TAG + ADDED, 1).replace(*TITLE, 1)
             del response.headers["Content-Length"]
             response.headers["Content-Length"] = str(len(response.body))
         return response

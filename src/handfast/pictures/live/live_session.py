@@ -18,14 +18,14 @@ from typing import Generic, Protocol, TypeVar
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.pictures.live.answering import Reply, answer, replay
-from handfast.pictures.live.shown_state import LATE, Shown, SlipMotion, shown
+from handfast.pictures.live.shown_state import GREYING_DELAY, Shown, SlipMotion, shown
 from handfast.pictures.live.view_state import Stage, ViewState, stage_of
 from handfast.readers.grasp_file import load_grasp
 
 FRAME = 1 / 25  # [s] between two pictures
 T = TypeVar("T")
 Work = Callable[[T, Callable[[], bool]], None]
-REST = 0.3  # [s] without a change after which proofs are replayed
+REPLAY_DELAY = 0.3  # [s] without a change after which proofs are replayed
 
 
 class Canvas(Protocol):
@@ -125,7 +125,7 @@ class LiveSession:
             self._replays.ask(reply)
 
     def _replay(self, reply: Reply, outdated: Callable[[], bool]) -> None:
-        right = not self._over.wait(REST) and not outdated() and self.reply is reply and replay(reply)
+        right = not self._over.wait(REPLAY_DELAY) and not outdated() and self.reply is reply and replay(reply)
         with self._lock:
             if right and self.reply is reply:
                 self.reply, self._dirty = replace(reply, replayed=True), True
@@ -153,7 +153,7 @@ class LiveSession:
             waited = self._asked.waited
             with self._lock:
                 messages, self._messages = self._messages, []
-                if self._dirty or (waited > LATE and not late):
+                if self._dirty or (waited > GREYING_DELAY and not late):
                     state, stage, reply, source = self.state, self.stage, self.reply, self._source
                     what = shown(state, stage, reply, waited, self._fault)
                     self._dirty, late = False, what.grey
@@ -235,9 +235,9 @@ class LatestRequest(Generic[T]):
 
 # --- the grasps that a page leafs through ---
 
-ENDING = "*.grasp.json"  # as the programs of this package name them
+GRASP_GLOB = "*.grasp.json"  # as the programs of this package name them
 SCHEMA = "handfast/grasp/1"
-HEAD = 4096  # bytes of a file in which its schema is looked for
+SCHEMA_BYTES = 4096  # bytes of a file in which its schema is looked for
 
 
 @dataclass(frozen=True)
@@ -283,10 +283,10 @@ class Album:
     @classmethod
     def of_folder(cls, path: Path) -> Album:
         """The files that end in .grasp.json, or else all JSON files that are grasps; numbers in their order."""
-        files = sorted(path.glob(ENDING), key=_natural)
+        files = sorted(path.glob(GRASP_GLOB), key=_natural)
         files = files or sorted((f for f in path.glob("*.json") if _is_grasp(f)), key=_natural)
         if not files:
-            raise InputError(f"has no grasp files ({ENDING}, or JSON of {SCHEMA})", source=str(path))
+            raise InputError(f"has no grasp files ({GRASP_GLOB}, or JSON of {SCHEMA})", source=str(path))
         return cls(tuple(_label(f) for f in files), tuple(files))
 
 
@@ -317,6 +317,6 @@ def _is_grasp(file: Path) -> bool:
     """Does its beginning name the schema? What else is wrong with it is told when it is read."""
     try:
         with file.open("rb") as f:
-            return json.dumps(SCHEMA).encode() in f.read(HEAD)
+            return json.dumps(SCHEMA).encode() in f.read(SCHEMA_BYTES)
     except OSError:
         return False

@@ -13,8 +13,8 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.pictures.live.live_session import Album
 
-PORT, TRIES = 8080, 100  # the first port that is tried, and how many are
-LOOPBACK = "127.0.0.1"
+PORT, PORT_TRIES = 8080, 100  # the first port that is tried, and how many are
+LOOPBACK_ADDRESS = "127.0.0.1"
 
 
 class LivePage:
@@ -65,7 +65,7 @@ class LivePage:
 def view(
     grasp: Grasp | Sequence[Grasp] | str | Path,
     *,
-    host: str = LOOPBACK,
+    host: str = LOOPBACK_ADDRESS,
     port: int | None = None,
     browser: bool = True,
 ) -> LivePage:
@@ -106,7 +106,7 @@ def free_port(host: str, port: int | None = None) -> int:
         raise InputError(f"'{host}' is no address ({fault.strerror})", field="host") from None
     except UnicodeError:  # parts of a name that are empty or too long
         raise InputError(f"'{host[:40]}' is no address", field="host") from None
-    for tried in range(PORT, PORT + TRIES) if port is None else (port,):
+    for tried in range(PORT, PORT + PORT_TRIES) if port is None else (port,):
         with socket.socket(family, socket.SOCK_STREAM) as listener:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -118,5 +118,5 @@ def free_port(host: str, port: int | None = None) -> int:
                     raise InputError(f"cannot listen at '{host}' ({fault.strerror})", field="host") from None
                 continue
             return int(listener.getsockname()[1])
-    taken = f"is {port}, which is taken" if port is not None else f"{PORT} to {PORT + TRIES - 1} are all taken"
+    taken = f"is {port}, which is taken" if port is not None else f"{PORT} to {PORT + PORT_TRIES - 1} are all taken"
     raise InputError(f"{taken}; give another one, 0 for any", field="port")

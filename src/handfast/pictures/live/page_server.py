@@ -18,10 +18,10 @@ from handfast.pictures.live.dressed_page import dressed
 from handfast.pictures.live.live_session import LiveSession
 from handfast.pictures.live.page_text import map_svg, verdict_html
 from handfast.pictures.live.same_origin import Doorkeeper
-from handfast.pictures.live.shown_state import CURVE, FORCE, GREY, Shown, ShownMap, SlipMotion
-from handfast.pictures.live.view_state import ARROW, MAP_PLANES, NOTHING, Stage, ViewState
+from handfast.pictures.live.shown_state import CURVE, FORCE_COLOR, GREY, Shown, ShownMap, SlipMotion
+from handfast.pictures.live.view_state import LOAD_ARROW, MAP_PLANES, MIN_LOAD, Stage, ViewState
 
-STEEL, BONE, CONE, OBJECT_OPACITY = (158, 171, 186), (194, 200, 207), (44, 125, 79), 0.55
+STEEL, FINGER_COLOR, CONE_COLOR, OBJECT_OPACITY = (158, 171, 186), (194, 200, 207), (44, 125, 79), 0.55
 MOST_FRICTION, MOST_TILT, MOST_PRELOAD = 2.0, 15.0, 3.0  # ends of sliders: coefficient, degrees, times the file's
 LOCKED_REACH = {"N·m": 0.5, "N": 20.0}  # end of the slider of an actuator in a grasp without commands
 HELP = """**Turn** the load with the rings, **shift** where it acts with the arrows of the handle.
@@ -172,8 +172,8 @@ class PageServer:
             n["hand"] = scene.add_mesh_simple("/hand", *stage.hand, color=STEEL, side="double", flat_shading=True)
         elif len(stage.fingers):
             thick = 0.05 * stage.size
-            n["hand"] = scene.add_line_segments("/hand", stage.fingers, np.array(BONE), thickness=thick)
-        cones = scene.add_mesh_simple("/cones", *stage.cones(), color=CONE, opacity=0.22, side="double")
+            n["hand"] = scene.add_line_segments("/hand", stage.fingers, np.array(FINGER_COLOR), thickness=thick)
+        cones = scene.add_mesh_simple("/cones", *stage.cones(), color=CONE_COLOR, opacity=0.22, side="double")
         n["cones"] = cones
         for i, c in enumerate(stage.grasp.contacts):
             place = tuple(map(float, c.position))
@@ -186,7 +186,7 @@ class PageServer:
     def _put_load(self, state: ViewState, stage: Stage) -> None:
         n, scene, size = self._nodes, self._scene, stage.size
         thin = {"shaft_radius": 0.018 * size, "head_radius": 0.045 * size, "head_length": 0.1 * size}
-        n["forces"] = scene.add_arrows("/forces", np.zeros((0, 2, 3)), FORCE, **thin)
+        n["forces"] = scene.add_arrows("/forces", np.zeros((0, 2, 3)), FORCE_COLOR, **thin)
         thick = {"shaft_radius": 0.03 * size, "head_radius": 0.075 * size, "head_length": 0.16 * size}
         n["load"] = scene.add_arrows("/load", np.zeros((0, 2, 3)), GREY, **thick)
         thickness = 0.018 * size
@@ -223,7 +223,7 @@ class PageServer:
             n["object"].color = what.object_color
             n["load"].points, n["load"].colors = what.load.astype(np.float32), np.array(what.color, dtype=np.uint8)
             n["tip"].position, n["tip"].color = tuple(map(float, what.tip)), what.color
-            color = GREY if what.grey else FORCE
+            color = GREY if what.grey else FORCE_COLOR
             n["forces"].points, n["forces"].colors = what.forces.astype(np.float32), np.array(color, dtype=np.uint8)
             n["forces"].visible = self._shown["forces"].value
             n["cones"].visible = self._shown["cones"].value
@@ -263,11 +263,11 @@ class PageServer:
             "eta": (self._eta, float(np.degrees(state.eta))),
         }
         for name, (control, value) in wanted.items():
-            if name != source and abs(control.value - value) > NOTHING:
+            if name != source and abs(control.value - value) > MIN_LOAD:
                 control.value = value
         if source != "actuator":
             for slider, value in zip(self._preloads, state.command, strict=True):
-                if abs(slider.value - value) > NOTHING:
+                if abs(slider.value - value) > MIN_LOAD:
                     slider.value = float(value)
         if len(self.session.album) > 1:
             label = f"{state.number + 1}: {self.session.album.names[state.number]}"
@@ -296,7 +296,7 @@ class PageServer:
         end = np.array(event.end_position, dtype=float)
 
         def dragged(x: ViewState) -> ViewState:
-            step = _within(end - x.at, ARROW * stage.size)
+            step = _within(end - x.at, LOAD_ARROW * stage.size)
             if x.is_torque:
                 return x.twisted(step / stage.metres_per_newton_metre)
             return x.pulled(step / stage.metres_per_newton)
@@ -307,14 +307,14 @@ class PageServer:
         """MuJoCo's gesture: a force from where the object was grabbed to the mouse."""
         stage = self.session.stage
         at, _, step = self._dragged(event)
-        force = _within(step, ARROW * stage.size) / stage.metres_per_newton
+        force = _within(step, LOAD_ARROW * stage.size) / stage.metres_per_newton
         self.session.change(lambda x: x.pulled(force, at=at))
 
     async def _twist(self, event: Any) -> None:
         """MuJoCo's gesture: a torque that turns the near side of the object after the mouse."""
         stage = self.session.stage
         _, back, step = self._dragged(event)
-        torque = np.cross(back, _within(step, ARROW * stage.size)) / stage.metres_per_newton_metre
+        torque = np.cross(back, _within(step, LOAD_ARROW * stage.size)) / stage.metres_per_newton_metre
         self.session.change(lambda x: x.twisted(torque))
 
     def _dragged(self, event: Any) -> tuple[Any, Any, Any]:

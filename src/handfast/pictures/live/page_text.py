@@ -11,10 +11,10 @@ import numpy as np
 
 from handfast.pictures import words
 from handfast.pictures.live.shown_state import CURVE, GREY, RGB, Shown
-from handfast.pictures.live.view_state import ARROW, Stage, ViewState
+from handfast.pictures.live.view_state import LOAD_ARROW, Stage, ViewState
 
 BAR = 1.5  # shares of the largest load that the bar is long
-SIDE = 230  # pixels of the plot
+PLOT_PIXELS = 230  # pixels of the plot
 LINES = 90  # pixels that sentences take at least, or sliders would jump under the mouse
 SMALL_TEXT = 'font-size="11" style="fill:var(--soft)"'
 WHERE = "position:absolute;top:0;bottom:0"
@@ -64,8 +64,8 @@ def map_svg(state: ViewState, stage: Stage, shown: Shown) -> str:
     axes = state.map_axes
     if axes is None or shown.map is None:
         return ""
-    middle, rim = SIDE / 2, SIDE / 2 - 20
-    scale = rim / (ARROW * stage.size)
+    middle, rim = PLOT_PIXELS / 2, PLOT_PIXELS / 2 - 20
+    scale = rim / (LOAD_ARROW * stage.size)
     right, up = _screen_axes(axes, state, stage)
 
     def xy(points: np.ndarray) -> np.ndarray:
@@ -90,14 +90,17 @@ def map_svg(state: ViewState, stage: Stage, shown: Shown) -> str:
     unit = "N·m" if state.is_torque else "N"
     reach = stage.torque_reach if state.is_torque else stage.force_reach
     note = f"{words.num(reach, 3)} {unit}" + (" and more" if bool(shown.map.cut.any()) else "")
-    parts.append(f'<text x="{SIDE}" y="{SIDE - 2}" text-anchor="end" {SMALL_TEXT}>rim: {escape(note)}</text>')
+    parts.append(
+        f'<text x="{PLOT_PIXELS}" y="{PLOT_PIXELS - 2}" text-anchor="end" {SMALL_TEXT}>rim: {escape(note)}</text>'
+    )
     for axis, name in zip(np.eye(3), "xyz", strict=True):
         d = np.array([axis @ right, axis @ up])
         if np.linalg.norm(d) > 0.35:
             x, y = middle + (rim + 8) * d[0], middle - (rim + 8) * d[1]
             parts.append(f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="middle" {SMALL_TEXT}>{name}</text>')
     return (
-        f'<div class="map" style="padding:0 14px"><svg width="{SIDE}" height="{SIDE}" viewBox="0 0 {SIDE} {SIDE}" '
+        f'<div class="map" style="padding:0 14px"><svg width="{PLOT_PIXELS}" height="{PLOT_PIXELS}" '
+        f'viewBox="0 0 {PLOT_PIXELS} {PLOT_PIXELS}" '
         f'style="display:block;margin:auto">{"".join(parts)}</svg></div>'
     )
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-LOOPBACK = ("localhost", "127.0.0.1", "::1")
+LOOPBACK_HOSTS = ("localhost", "127.0.0.1", "::1")
 EVERYWHERE = ("0.0.0.0", "::", "")  # as the host that is asked for: all addresses of this machine
 _starting = threading.Lock()
 
@@ -38,13 +38,13 @@ class Doorkeeper:
             origins: values of all its `Origin` headers; none, as of programs that are no browsers, is right.
             address, port: at which it came in.
         """
-        names = {*LOOPBACK, self.host.lower(), address.lower()}
+        names = {*LOOPBACK_HOSTS, self.host.lower(), address.lower()}
         if self.host in EVERYWHERE:
             names.add(socket.gethostname().lower())
         known = {f"[{name}]" if ":" in name else name for name in names - set(EVERYWHERE)}
         right = {f"{name}:{port}" for name in known} | (known if port == 80 else set())
         if len(hosts) != 1 or hosts[0].lower() not in right:
-            return f"this page is served at {LOOPBACK[0]}:{port}; the request is for {_said(hosts) or 'no host'}"
+            return f"this page is served at {LOOPBACK_HOSTS[0]}:{port}; the request is for {_said(hosts) or 'no host'}"
         if origins and (len(origins) > 1 or origins[0].lower() != f"http://{hosts[0].lower()}"):
             return f"this page is for http://{hosts[0]} alone; the request comes from {_said(origins)}"
         return None

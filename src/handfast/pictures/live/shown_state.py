@@ -14,32 +14,32 @@ from handfast.core.arrays import Array, Mask
 from handfast.model.grasp import Grasp
 from handfast.pictures import words
 from handfast.pictures.live.answering import QUICK, PlaneMap, Reply
-from handfast.pictures.live.view_state import ARROW, NOTHING, Stage, ViewState
+from handfast.pictures.live.view_state import LOAD_ARROW, MIN_LOAD, Stage, ViewState
 from handfast.stability.answers import MaxAnswer
 
 Tone = Literal["holds", "slips", "undecided", "unknown"]
 RGB = tuple[int, int, int]
-COLORS: dict[Tone, RGB] = {
+TONE_COLORS: dict[Tone, RGB] = {
     "holds": (38, 145, 84),
     "slips": (208, 52, 44),
     "undecided": (217, 130, 0),
     "unknown": (150, 150, 150),
 }
 GREY: RGB = (165, 165, 165)
-FORCE: RGB = (47, 109, 179)
+FORCE_COLOR: RGB = (47, 109, 179)
 WOOD: RGB = (222, 199, 158)
-STICK: RGB = (43, 43, 43)
-SLIDE: RGB = (122, 92, 196)
-OPEN: RGB = (205, 205, 205)
-LATE = 0.25  # [s] without an answer after which the last one is greyed
-LONGEST = 1.2  # grasp sizes, of a contact force
-SHORTEST = 0.02  # grasp sizes: a shorter arrow is not drawn
+STICK_COLOR: RGB = (43, 43, 43)
+SLIDE_COLOR: RGB = (122, 92, 196)
+OPEN_COLOR: RGB = (205, 205, 205)
+GREYING_DELAY = 0.25  # [s] without an answer after which the last one is greyed
+MAX_FORCE_ARROW = 1.2  # grasp sizes, of a contact force
+MIN_ARROW = 0.02  # grasp sizes: a shorter arrow is not drawn
 TWO_HEADS = 0.8  # of a torque's arrow, where its second head ends
 CURVE: RGB = (47, 109, 179)
-TRAVEL = 0.6  # of the grasp's size, that the farthest contact goes
+SLIP_TRAVEL = 0.6  # of the grasp's size, that the farthest contact goes
 PERIOD = 2.4  # [s] of one repetition
-REST = 0.25  # of it, at the end, in which the object stays
-SMALL = 1e-9
+REST_SHARE = 0.25  # of it, at the end, in which the object stays
+MIN_SHOWN_SIZE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class SlipMotion:
 
     def pose(self, seconds: float) -> tuple[Array, Array]:
         """Position (3,) [m] and rotation (3, 3) of the object after this time, over and over again."""
-        phase = min((seconds / PERIOD % 1.0) / (1 - REST), 1.0)
+        phase = min((seconds / PERIOD % 1.0) / (1 - REST_SHARE), 1.0)
         share = phase * phase * (3 - 2 * phase)
         return share * self.twist[:3], Rotation.from_rotvec(share * self.twist[3:]).as_matrix()
 
@@ -108,12 +108,12 @@ class Shown:
     @property
     def color(self) -> RGB:
         """Of the load."""
-        return GREY if self.grey else COLORS[self.tone]
+        return GREY if self.grey else TONE_COLORS[self.tone]
 
     @property
     def object_color(self) -> RGB:
         """Of the object: its own, tinted by the verdict."""
-        tint = GREY if self.grey else COLORS[self.tone]
+        tint = GREY if self.grey else TONE_COLORS[self.tone]
         share = 0.25 if self.tone == "unknown" else 0.45
         r, g, b = (round((1 - share) * w + share * t) for w, t in zip(WOOD, tint, strict=True))
         return r, g, b
@@ -130,14 +130,14 @@ def shown(state: ViewState, stage: Stage, reply: Reply | None, waited: float = 0
     same = reply is not None and reply.state is state
     if reply is not None and reply.state.number != state.number:
         reply = None
-    grey = bool(fault) or reply is None or (not same and waited > LATE)
+    grey = bool(fault) or reply is None or (not same and waited > GREYING_DELAY)
     tone: Tone = "unknown" if fault or reply is None else _tone(reply.verdict)
     grasp = state.grasp
     witness = reply.check.witness if reply and reply.check else None
     forces, colors = np.zeros((0, 2, 3)), (GREY,) * grasp.m
     if witness is not None:
         forces = force_arrows(grasp.positions, witness.forces, stage)
-        kind = {"stick": STICK, "slide": SLIDE, "open": OPEN}
+        kind = {"stick": STICK_COLOR, "slide": SLIDE_COLOR, "open": OPEN_COLOR}
         colors = tuple(kind[s] for s in witness.contact_states)
     arrows, tip = load_arrows(state, stage)
     slips = same and tone == "slips"
@@ -170,7 +170,7 @@ def headline(tone: Tone, *, grey: bool = False, fault: str = "") -> str:
 def sentences(state: ViewState, reply: Reply | None, fault: str = "") -> tuple[str, ...]:
     """The load, what is shown about it, the largest in its direction, and whether proofs were replayed."""
     load = words.load_text(np.r_[state.force, state.torque])
-    where = words.place_text(np.round(state.at, 4)) if state.size > NOTHING else ""
+    where = words.place_text(np.round(state.at, 4)) if state.size > MIN_LOAD else ""
     asked = f"Load: {load} {where}".strip() + "."
     if fault:
         return asked, fault
@@ -216,7 +216,7 @@ def load_share(state: ViewState, reply: Reply | None) -> float | None:
     if most.verdict is Verdict.UNDECIDED or (most.verdict is Verdict.HOLDS and not bounded(most)):
         return None
     if not most.lower > 0:
-        return float("inf") if state.size > NOTHING else 0.0
+        return float("inf") if state.size > MIN_LOAD else 0.0
     return state.size / most.lower
 
 
@@ -228,8 +228,8 @@ def load_arrows(state: ViewState, stage: Stage) -> tuple[Array, Array]:
         (state.torque, stage.metres_per_newton_metre, True),
         (state.force, stage.metres_per_newton, False),
     ):
-        step = _cut(scale * v, ARROW * stage.size)
-        if np.linalg.norm(step) > SHORTEST * stage.size:
+        step = _cut(scale * v, LOAD_ARROW * stage.size)
+        if np.linalg.norm(step) > MIN_ARROW * stage.size:
             arrows.append([at, at + step])
             tip = at + step
             if is_torque:
@@ -241,14 +241,14 @@ def force_arrows(positions: Array, forces: Array, stage: Stage) -> Array:
     """(k, 2, 3) contact forces on the load's scale, from the contacts, all shrunk alike if one were too long."""
     steps = stage.metres_per_newton * forces
     longest = float(np.linalg.norm(steps, axis=1).max(initial=0.0))
-    steps = steps * min(1.0, LONGEST * stage.size / max(longest, 1e-30))
-    drawn = np.linalg.norm(steps, axis=1) > SHORTEST * stage.size
+    steps = steps * min(1.0, MAX_FORCE_ARROW * stage.size / max(longest, 1e-30))
+    drawn = np.linalg.norm(steps, axis=1) > MIN_ARROW * stage.size
     return np.stack([positions, positions + steps], axis=1)[drawn]
 
 
 def _map(found: PlaneMap, state: ViewState, stage: Stage) -> ShownMap:
     scale = stage.metres_per_newton_metre if found.is_torque else stage.metres_per_newton
-    rim = ARROW * stage.size
+    rim = LOAD_ARROW * stage.size
     reach = scale * found.sizes[found.known]
     cut = reach >= rim
     outline = found.at + np.minimum(reach, rim)[:, None] * found.directions[found.known]
@@ -288,17 +288,17 @@ def escape(grasp: Grasp, wrench: Array) -> Array:
     normals = scale[:, None] * grasp.G[:, ::3]
     load = scale * wrench
     length = float(np.linalg.norm(load))
-    if length < SMALL:
+    if length < MIN_SHOWN_SIZE:
         return np.zeros(6)
     forces, left = nnls(normals, -load / length)
-    return scale * (load / length + normals @ forces) if left > SMALL else np.zeros(6)
+    return scale * (load / length + normals @ forces) if left > MIN_SHOWN_SIZE else np.zeros(6)
 
 
 def _sized(grasp: Grasp, r: Array) -> Array | None:
-    """A motion scaled so that the farthest contact goes `TRAVEL`; None if there is none."""
+    """A motion scaled so that the farthest contact goes `SLIP_TRAVEL`; None if there is none."""
     moved = r[:3] + np.cross(r[3:], grasp.positions)
     farthest = float(np.linalg.norm(moved, axis=1).max())
     size = float(np.linalg.norm(r[:3]) + grasp.size * np.linalg.norm(r[3:]))
-    if not size > SMALL * max(1.0, grasp.size):
+    if not size > MIN_SHOWN_SIZE * max(1.0, grasp.size):
         return None
-    return TRAVEL * grasp.size / max(farthest, 0.2 * size) * r
+    return SLIP_TRAVEL * grasp.size / max(farthest, 0.2 * size) * r

@@ -17,20 +17,20 @@ from handfast.core.transforms import cross, normal_frame
 from handfast.model.grasp import Grasp
 from handfast.model.shape import Faces, Shape
 from handfast.pictures.camera import views
-from handfast.pictures.hand_picture import OF_HAND, OF_OBJECT
+from handfast.pictures.hand_picture import HAND_TRIANGLES, OBJECT_TRIANGLES
 from handfast.pictures.scene import Mesh, coarse, finger_lines, source_meshes
 from handfast.stability.answers.margin import rubbed
 
 MapPlane = Literal["with the load", "xy", "xz", "yz", "none"]
 MAP_PLANES: tuple[MapPlane, ...] = ("with the load", "xy", "xz", "yz", "none")
-NOTHING = 1e-12  # [N, N m] a smaller load is none
-FIRST = 0.3  # of what is drawn, where no weight is known
-LEVEL = 0.95  # cosine to the third axis of the load's frame up to which a plane is kept
-ARROW = 2.2  # grasp sizes that the longest load is drawn with
-PAD = 0.16  # grasp sizes around each contact, of an object that nobody knows
-CONE = 0.3  # height of a friction cone in grasp sizes
-RIM = 24  # corners of a cone
-STEPS = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0])
+MIN_LOAD = 1e-12  # [N, N m] a smaller load is none
+FIRST_LOAD_SHARE = 0.3  # of what is drawn, where no weight is known
+MAX_PLANE_COSINE = 0.95  # cosine to the third axis of the load's frame up to which a plane is kept
+LOAD_ARROW = 2.2  # grasp sizes that the longest load is drawn with
+CONTACT_PAD = 0.16  # grasp sizes around each contact, of an object that nobody knows
+CONE_HEIGHT = 0.3  # height of a friction cone in grasp sizes
+CONE_CORNERS = 24  # corners of a cone
+ROUND_NUMBERS = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +69,9 @@ class ViewState:
         heavy = bool(grasp.mass) and grasp.center_of_mass is not None
         down = np.array([0.0, 0.0, -1.0]) if heavy else -flat[1]
         frame = np.column_stack([down, flat[0], cross(down, flat[0])])
-        if abs(down @ flat[0]) > NOTHING:
+        if abs(down @ flat[0]) > MIN_LOAD:
             frame = normal_frame(down)
-        force = (9.81 * (grasp.mass or 0.0) if heavy else FIRST * reaches(grasp)[0]) * down
+        force = (9.81 * (grasp.mass or 0.0) if heavy else FIRST_LOAD_SHARE * reaches(grasp)[0]) * down
         return cls(number, grasp, at, frame, force, np.zeros(3), grasp.command)
 
     @property
@@ -86,7 +86,7 @@ class ViewState:
         Where there is no load, that of 1 N along the handle.
         """
         size = self.size
-        if size > NOTHING:
+        if size > MIN_LOAD:
             return self.wrench / size
         along = self.frame[:, 0]
         return np.r_[along, cross(self.at, along)]
@@ -95,12 +95,12 @@ class ViewState:
     def size(self) -> float:
         """Of the load: [N], or [N m] of a torque alone."""
         force = float(np.linalg.norm(self.force))
-        return force if force > NOTHING else float(np.linalg.norm(self.torque))
+        return force if force > MIN_LOAD else float(np.linalg.norm(self.torque))
 
     @property
     def is_torque(self) -> bool:
         """Is the load a torque alone?"""
-        return not np.linalg.norm(self.force) > NOTHING and bool(np.linalg.norm(self.torque) > NOTHING)
+        return not np.linalg.norm(self.force) > MIN_LOAD and bool(np.linalg.norm(self.torque) > MIN_LOAD)
 
     @cached_property
     def asked(self) -> Grasp:
@@ -201,10 +201,10 @@ class ViewState:
 def following(frame: Array, along: Array) -> Array:
     """A frame (3, 3) whose first column is along a vector (3,), its plane kept where the vector is near it."""
     length = float(np.linalg.norm(along))
-    if length < NOTHING:
+    if length < MIN_LOAD:
         return frame
     first = along / length
-    third = frame[:, 2] if abs(first @ frame[:, 2]) < LEVEL else frame[:, 1]
+    third = frame[:, 2] if abs(first @ frame[:, 2]) < MAX_PLANE_COSINE else frame[:, 1]
     third = third - (third @ first) * first
     third /= np.linalg.norm(third)
     return np.column_stack([first, cross(third, first), third])
@@ -212,7 +212,7 @@ def following(frame: Array, along: Array) -> Array:
 
 def _resized(v: Array, size: float, otherwise: Array) -> Array:
     length = float(np.linalg.norm(v))
-    return size * (v / length if length > NOTHING else otherwise)
+    return size * (v / length if length > MIN_LOAD else otherwise)
 
 
 # --- what stands there ---
@@ -256,32 +256,32 @@ class Stage:
     @property
     def metres_per_newton(self) -> float:
         """Of a load's arrow, and of the map."""
-        return ARROW * self.size / self.force_reach
+        return LOAD_ARROW * self.size / self.force_reach
 
     @property
     def metres_per_newton_metre(self) -> float:
         """Of a torque's arrow, and of a map of torques."""
-        return ARROW * self.size / self.torque_reach
+        return LOAD_ARROW * self.size / self.torque_reach
 
     def cones(self) -> tuple[Array, Faces]:
         """All friction cones as one mesh, apex at the contact."""
         vertices, faces = [], list[Faces]()
-        angle = 2 * np.pi * np.arange(RIM) / RIM
+        angle = 2 * np.pi * np.arange(CONE_CORNERS) / CONE_CORNERS
         for c in self.grasp.contacts:
             _, t1, t2 = normal_frame(c.normal).T
             wide = min(c.friction, 1.5) * (np.outer(np.cos(angle), t1) + np.outer(np.sin(angle), t2))
-            first = RIM * len(faces) + len(faces)
-            vertices.append(np.vstack([c.position, c.position + CONE * self.size * (c.normal + wide)]))
-            around = first + 1 + np.arange(RIM)
-            faces.append(np.column_stack([np.full(RIM, first), around, np.roll(around, -1)]))
+            first = CONE_CORNERS * len(faces) + len(faces)
+            vertices.append(np.vstack([c.position, c.position + CONE_HEIGHT * self.size * (c.normal + wide)]))
+            around = first + 1 + np.arange(CONE_CORNERS)
+            faces.append(np.column_stack([np.full(CONE_CORNERS, first), around, np.roll(around, -1)]))
         return np.vstack(vertices), np.vstack(faces)
 
 
 def stage_of(grasp: Grasp) -> Stage:
     """The solids behind a grasp if its files are there, and stand-ins if not."""
     meshes, notes = source_meshes(grasp)
-    hand = _joined([m for m in meshes if m.kind == "hand"], OF_HAND)
-    thing = _joined([m for m in meshes if m.kind == "object"], OF_OBJECT)
+    hand = _joined([m for m in meshes if m.kind == "hand"], HAND_TRIANGLES)
+    thing = _joined([m for m in meshes if m.kind == "object"], OBJECT_TRIANGLES)
     lines = [line[i : i + 2] for line in finger_lines(grasp) for i in range(len(line) - 1)] if hand is None else []
     guessed = thing is None
     thing = thing or contact_hull(grasp)
@@ -327,14 +327,14 @@ def reaches(grasp: Grasp) -> tuple[float, float]:
 
 
 def rounded_up(x: float) -> float:
-    """The next of `STEPS`, or of ten times, a tenth of them, ..."""
+    """The next of `ROUND_NUMBERS`, or of ten times, a tenth of them, ..."""
     ten = 10.0 ** np.floor(np.log10(x))
-    return float(ten * STEPS[np.searchsorted(STEPS, x / ten * (1 - 1e-9))])
+    return float(ten * ROUND_NUMBERS[np.searchsorted(ROUND_NUMBERS, x / ten * (1 - 1e-9))])
 
 
 def contact_hull(grasp: Grasp) -> tuple[Array, Faces]:
     """The convex hull of small octahedra around the contacts, on their object side: all that is known of it."""
-    pad = PAD * grasp.size
+    pad = CONTACT_PAD * grasp.size
     corners = pad * np.vstack([np.eye(3), -np.eye(3)])
     points = np.vstack([c.position + pad * c.normal + corners for c in grasp.contacts])
     return Shape.hull(points).triangles()

@@ -12,12 +12,14 @@ from handfast.model.hand.coupling import coupled
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegion
 
-ROUND = 0.05  # [m] a cap of a larger sphere is taken as a flat disc
+MAX_CAP_RADIUS = 0.05  # [m] a cap of a larger sphere is taken as a flat disc
 PATCH_SLACK = np.radians(25)  # [rad] how far a contact's normal may be from that in the middle of a patch
-LOOSE = np.radians(15)  # [rad] least slack of a match, and what two regions may miss facing each other by, beside it
-EACH = 4  # matches of each assignment that are kept
+MIN_ANGLE_SLACK = np.radians(
+    15
+)  # [rad] least slack of a match, and what two regions may miss facing each other by, beside it
+ASSIGNMENT_MATCHES = 4  # matches of each assignment that are kept
 SAME_SIDE = 0.3  # cosine of the angle of two normals on one side of an object
-NEAREST = 60  # hand shapes whose distances fit best, of each assignment, that are looked at further
+NEAREST_SHAPES = 60  # hand shapes whose distances fit best, of each assignment, that are looked at further
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +70,8 @@ class HandShapes:
         radii, slacks, points, axes = [], [], [], []
         for r in regions:
             ball = r.region.ball
-            radii.append(ball.radius if ball and ball.radius < ROUND else 0.0)
-            slacks.append(max(ball.half_angle, LOOSE) if ball else PATCH_SLACK)
+            radii.append(ball.radius if ball and ball.radius < MAX_CAP_RADIUS else 0.0)
+            slacks.append(max(ball.half_angle, MIN_ANGLE_SLACK) if ball else PATCH_SLACK)
             middle, normal = r.middle
             pose = poses[hand.link(r.link)]
             points.append(pose[:, :3, :3] @ (middle - radii[-1] * normal) + pose[:, :3, 3])
@@ -84,8 +86,12 @@ class HandShapes:
                 between = self.points[:, b] - self.points[:, a]
                 far = np.linalg.norm(between, axis=1)
                 along = between / np.maximum(far, 1e-9)[:, None]
-                faces = np.einsum("sj,sj->s", self.axes[:, a], along) > np.cos(min(self.slacks[a] + LOOSE, np.pi))
-                faces &= np.einsum("sj,sj->s", self.axes[:, b], along) < -np.cos(min(self.slacks[b] + LOOSE, np.pi))
+                faces = np.einsum("sj,sj->s", self.axes[:, a], along) > np.cos(
+                    min(self.slacks[a] + MIN_ANGLE_SLACK, np.pi)
+                )
+                faces &= np.einsum("sj,sj->s", self.axes[:, b], along) < -np.cos(
+                    min(self.slacks[b] + MIN_ANGLE_SLACK, np.pi)
+                )
                 far = far - self.radii[a] - self.radii[b]
                 widest = max(widest, float(far[faces].max(initial=0.0)))
         return widest
@@ -113,11 +119,18 @@ class HandShapes:
             here = self.points[:, own]
             apart = np.linalg.norm(there[i] - there[j], axis=1)
             off = np.abs(np.linalg.norm(here[:, i] - here[:, j], axis=2) - apart).max(axis=1, initial=0.0)
-            near = np.argpartition(off, NEAREST)[:NEAREST] if len(off) > NEAREST else np.arange(len(off))
+            near = (
+                np.argpartition(off, NEAREST_SHAPES)[:NEAREST_SHAPES]
+                if len(off) > NEAREST_SHAPES
+                else np.arange(len(off))
+            )
             arm = max(float(apart.mean()), size) / 2
             left, angle, poses = _aligned(here[near], self.axes[near][:, own], there, -normals, arm)
             misfit = np.maximum(left / size, (angle / self.slacks[own]).max(axis=1))
-            found += [Match(float(misfit[n]), order, self.q[near[n]], poses[n]) for n in np.argsort(misfit)[:EACH]]
+            found += [
+                Match(float(misfit[n]), order, self.q[near[n]], poses[n])
+                for n in np.argsort(misfit)[:ASSIGNMENT_MATCHES]
+            ]
         return sorted(found, key=lambda m: m.misfit)
 
 

@@ -25,18 +25,18 @@ from handfast.planning.closing import waiting
 JAWS = 2  # fingers of a gripper
 CHOICES = 3  # places for its jaws, of which that nearest to the centre of mass may be taken
 NEUTRAL = 2  # power that draws a joint towards rest: with 2, the mean deviation is a third of the largest
-MEETING = 0.75  # share of closing at which the fingertips meet
-CLEAR = 2e-3  # [m] least step back of a gripper
-TOUCH = 2e-4  # [m] the push ends when the hand is this near
+MEETING_SHARE = 0.75  # share of closing at which the fingertips meet
+MIN_STEP_BACK = 2e-3  # [m] least step back of a gripper
+PUSH_DISTANCE = 2e-4  # [m] the push ends when the hand is this near
 SIDEWAYS = 10  # points drawn to find a side of the object
-SIDE = 0.5  # sine of the angle between a direction and the normal of a side of it, at least
-STEPS = 10  # of closing that are looked at
+MIN_SIDE_SINE = 0.5  # sine of the angle between a direction and the normal of a side of it, at least
+CLOSING_LOOKS = 10  # of closing that are looked at
 NEARBY = 0.01  # [m]
-FAR = 0.05  # [m] distances beyond this are not computed
+PALM_CUTOFF = 0.05  # [m] distances beyond this are not computed
 DRAWS = 20  # of a point, until another is opposite to it
-DEEP = 2e-3  # [m] what of a jaw is so near to its innermost point is its face
-FACING = 0.8  # cosine of the angle of its normals to the other jaw
-SHORT = 1e-6  # length, or sine, below which a direction is none
+JAW_FACE_DEPTH = 2e-3  # [m] what of a jaw is so near to its innermost point is its face
+JAW_COSINE = 0.8  # cosine of the angle of its normals to the other jaw
+MIN_PALM_DIRECTION = 1e-6  # length, or sine, below which a direction is none
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _out_of_face(palm: Palm) -> Array:
     Where none is seen, as that is in a solid, the direction from their middle.
     """
     anatomy = palm.anatomy
-    q = anatomy.within(palm.opened + MEETING * (palm.closed - palm.opened))
+    q = anatomy.within(palm.opened + MEETING_SHARE * (palm.closed - palm.opened))
     point = anatomy.middles(q, palm.tips).mean(axis=0)
     if not anatomy.palm:
         return np.asarray(point)
@@ -208,7 +208,7 @@ def _aside(rng: np.random.Generator, surface: SurfaceSampler, line: Array) -> Ar
     """(3,) a normal of the object, of a side on which a line through it does not come out, if there is one."""
     for _ in range(SIDEWAYS):
         normal = surface.draw(rng)[1]
-        if np.linalg.norm(np.cross(normal, line)) > SIDE:
+        if np.linalg.norm(np.cross(normal, line)) > MIN_SIDE_SINE:
             break
     return normal
 
@@ -255,9 +255,9 @@ def pushed(scene: Scene, start: PreShape, back: float) -> Array | None:
     last = 0.0 if start.around else -ahead
     while ahead > last:
         pose[:3, 3] = start.pose[:3, 3] + ahead * start.approach
-        gap = scene.distance(start.q, pose, FAR).min()
-        if gap < TOUCH:
-            pose[:3, 3] += (CLEAR + back / 4 if start.around else back) * start.approach
+        gap = scene.distance(start.q, pose, PALM_CUTOFF).min()
+        if gap < PUSH_DISTANCE:
+            pose[:3, 3] += (MIN_STEP_BACK + back / 4 if start.around else back) * start.approach
             return pose
         ahead -= gap
     return start.pose if start.around else None
@@ -272,7 +272,7 @@ def sweeps(scene: Scene, anatomy: Anatomy, q: Array, pose: Array) -> NDArray[np.
     near = np.zeros(len(hand.links), dtype=bool)
     lower, upper = hand.limits.T
     room = np.where(hand.closing > 0, upper - q, np.where(hand.closing < 0, q - lower, 0.0))
-    for share in np.linspace(0.0, 1.0, STEPS):
+    for share in np.linspace(0.0, 1.0, CLOSING_LOOKS):
         near |= scene.distance(anatomy.within(q + share * room * hand.closing), pose, 2 * NEARBY) < NEARBY
     return near
 
@@ -286,7 +286,7 @@ def _squarely(rng: np.random.Generator, palm: Palm, surface: SurfaceSampler, q: 
     R = turned(-normal, palm.axis, 0.0)
     for _ in range(SIDEWAYS):  # a normal that is seen from the palm says nothing about the sides
         other = (R @ surface.draw(rng)[1]) @ frame[:, 1:]
-        if np.linalg.norm(other) > SIDE:
+        if np.linalg.norm(other) > MIN_SIDE_SINE:
             break
     roll = float(np.arctan2(across[1], across[0]) - np.arctan2(other[1], other[0]))
     return turned(-normal, palm.axis, roll)
@@ -318,11 +318,11 @@ class Pads:
         first, second = anatomy.middles(q, tips)
         apart = second - first
         length = float(np.linalg.norm(apart))
-        towards = apart / length if length > SHORT else np.eye(3)[0]
+        towards = apart / length if length > MIN_PALM_DIRECTION else np.eye(3)[0]
         poses = anatomy.hand.link_poses(q)
         faces = [_face(anatomy.hand.links[i], poses[i], s * towards) for i, s in zip(tips, (1, -1), strict=True)]
         line = faces[0][1] - faces[1][1]
-        return cls(np.array([point for point, _ in faces]), line / max(float(np.linalg.norm(line)), SHORT))
+        return cls(np.array([point for point, _ in faces]), line / max(float(np.linalg.norm(line)), MIN_PALM_DIRECTION))
 
 
 def _face(link: Link, pose: Array, towards: Array) -> tuple[Array, Array]:
@@ -331,10 +331,10 @@ def _face(link: Link, pose: Array, towards: Array) -> tuple[Array, Array]:
     a, b, c = np.vstack([vertices[faces] for vertices, faces in solids]).swapaxes(0, 1)
     corners = np.vstack([vertices for vertices, _ in solids])
     height = corners @ towards
-    outermost = corners[height > height.max() - DEEP]
+    outermost = corners[height > height.max() - JAW_FACE_DEPTH]
     normals = np.cross(b - a, c - a)
-    within = np.minimum(np.minimum(a @ towards, b @ towards), c @ towards) > height.max() - DEEP
-    within &= normals @ towards > FACING * np.linalg.norm(normals, axis=1)
+    within = np.minimum(np.minimum(a @ towards, b @ towards), c @ towards) > height.max() - JAW_FACE_DEPTH
+    within &= normals @ towards > JAW_COSINE * np.linalg.norm(normals, axis=1)
     normal = normals[within].sum(axis=0) if within.any() else towards
     return (outermost.min(axis=0) + outermost.max(axis=0)) / 2, normal / np.linalg.norm(normal)
 

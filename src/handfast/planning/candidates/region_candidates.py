@@ -20,16 +20,16 @@ from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.search import RejectionReason, Tally
 
 Kind = Literal["pinch", "tripod", "power"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
+GRASP_KINDS: tuple[Kind, ...] = get_args(Kind)
 
-SHAPES = 3000  # hand shapes that are drawn
+DRAWN_SHAPES = 3000  # hand shapes that are drawn
 PLACES = 60  # spread over the object
-PATCH = 1.2, 0.15  # half a patch's side, as a share of a fingertip's size and of the object's, whichever is less
-FARTHEST = {"pinch": 2.0, "tripod": 2.0, "power": 4.0}  # misfit beyond which a set of places is out of reach
-LOOKED_AT = 8  # matches of a set of places at which it is seen what the hand cuts into
-SHALLOW = 3e-3  # [m] a cut up to this may vanish when the contacts are brought about
-DEEP, UNFIT = 30.0, 0.1  # [1/m, -] how much less promising cuts and misfits make a candidate
-SLACK = 0.01  # [m] added to the widest opening that was seen
+PATCH_SHARES = 1.2, 0.15  # half a patch's side, as a share of a fingertip's size and of the object's, whichever is less
+MAX_MISFITS = {"pinch": 2.0, "tripod": 2.0, "power": 4.0}  # misfit beyond which a set of places is out of reach
+CHECKED_MATCHES = 8  # matches of a set of places at which it is seen what the hand cuts into
+SHALLOW_CUT = 3e-3  # [m] a cut up to this may vanish when the contacts are brought about
+CUT_WEIGHT, UNFIT = 30.0, 0.1  # [1/m, -] how much less promising cuts and misfits make a candidate
+OPENING_SLACK = 0.01  # [m] added to the widest opening that was seen
 FINGERS_AROUND = 2  # in a power grasp, beside the palm
 
 
@@ -80,20 +80,20 @@ def find_candidates(
     Raises:
         InputError: an unknown kind, a friction that is not positive, regions that do not make a grasp of the kind.
     """
-    if kind not in KINDS:
-        raise InputError(f"is '{kind}'; known: {', '.join(KINDS)}", field="kind")
+    if kind not in GRASP_KINDS:
+        raise InputError(f"is '{kind}'; known: {', '.join(GRASP_KINDS)}", field="kind")
     if not friction > 0:
         raise InputError(f"is {friction:g}; forces on places need a positive coefficient", field="friction")
     hand = look.scene.hand
     regions.refuse_strangers(hand)
     sets = region_sets(regions, kind)
     own = tuple(dict.fromkeys(r for chosen in sets for r in chosen))
-    shapes = HandShapes.of(hand, own, SHAPES, seed)
+    shapes = HandShapes.of(hand, own, DRAWN_SHAPES, seed)
     wholes = [tuple(own.index(r) for r in chosen) for chosen in sets]
     size = float(np.ptp(body.vertices, axis=0).max())
-    radius = min(PATCH[0] * float(np.median([r.region.extent for r in own])), PATCH[1] * size)
+    radius = min(PATCH_SHARES[0] * float(np.median([r.region.extent for r in own])), PATCH_SHARES[1] * size)
     places, unfit = find_places(body, radius, count=spread, seed=seed)
-    opening = max(shapes.opening(chosen) for chosen in wholes) + SLACK
+    opening = max(shapes.opening(chosen) for chosen in wholes) + OPENING_SLACK
     tally = Tally()
     tally.add(RejectionReason.NO_PATCH, unfit, f"no patch within {1e3 * ERROR:g} mm of the surface")
     reach = Reachable(opening, radius, short, seed)
@@ -105,21 +105,25 @@ def find_candidates(
         points, normals = np.array([p.point for p in where]), np.array([p.normal for p in where])
         matches = [m for c in wholes for m in shapes.matches(c, points, normals, radius)]
         best = min(matches, key=lambda m: m.misfit, default=None)
-        if best is None or best.misfit > FARTHEST[kind]:
+        if best is None or best.misfit > MAX_MISFITS[kind]:
             far.append(best.misfit if best else np.inf)
             continue
-        near = sorted((m for m in matches if m.misfit <= FARTHEST[kind]), key=lambda m: m.misfit)[:LOOKED_AT]
+        near = sorted((m for m in matches if m.misfit <= MAX_MISFITS[kind]), key=lambda m: m.misfit)[:CHECKED_MATCHES]
         cuts = [_cut(look, [own[r].link for r in match.order], match) for match in near]
-        clearest = int(np.argmin([max(cut, SHALLOW) + 1e-3 * m.misfit for cut, m in zip(cuts, near, strict=True)]))
+        clearest = int(np.argmin([max(cut, SHALLOW_CUT) + 1e-3 * m.misfit for cut, m in zip(cuts, near, strict=True)]))
         best, cut = near[clearest], cuts[clearest]
         off = float(np.linalg.norm(points.mean(axis=0) - body.center_of_mass))
         score = steady - off / (size / 2)
         chosen = tuple(own[i] for i in best.order)
         found.append(RegionCandidate(chosen, where, steady, off, score, best.misfit, best.pose, cut))
     if far:
-        example = f"the best of {SHAPES} hand shapes misfits by {min(far):.1f}; up to {FARTHEST[kind]:g} is tried"
+        example = (
+            f"the best of {DRAWN_SHAPES} hand shapes misfits by {min(far):.1f}; up to {MAX_MISFITS[kind]:g} is tried"
+        )
         tally.add(RejectionReason.OUT_OF_REACH, len(far), example)
-    return sorted(found, key=lambda c: c.score - DEEP * max(c.cut, SHALLOW) - UNFIT * c.misfit, reverse=True), tally
+    return sorted(
+        found, key=lambda c: c.score - CUT_WEIGHT * max(c.cut, SHALLOW_CUT) - UNFIT * c.misfit, reverse=True
+    ), tally
 
 
 def _cut(look: QuickLook, links: list[str], match: Match) -> float:
@@ -158,7 +162,7 @@ def region_sets(regions: HandRegions, kind: Kind) -> list[tuple[HandRegion, ...]
 
 # --- sets of places ----------------------------------------------------------------------------------
 
-MANY = 150_000  # sets of four and more places that are looked at
+MAX_PLACE_SETS = 150_000  # sets of four and more places that are looked at
 
 
 @dataclass(frozen=True)
@@ -236,7 +240,7 @@ def _sets(points: Array, inward: Array, k: int, seed: int) -> Indices:
         return np.array(list(combinations(range(n), k)), dtype=int).reshape(-1, k)
     triples = np.array(list(combinations(range(n), 3)), dtype=int)
     rest = squeeze_imbalance(points[triples], inward[triples])
-    triples = triples[np.argsort(rest, kind="stable")[: MANY // 50]]
+    triples = triples[np.argsort(rest, kind="stable")[: MAX_PLACE_SETS // 50]]
     random = np.random.default_rng([seed, k])
     grown = np.repeat(triples, 50, axis=0)
     for _ in range(k - 3):

@@ -20,13 +20,16 @@ from handfast.model.body import Body
 from handfast.model.region import Bezier
 
 ITSELF = 1e-4  # [m] along a ray, what is nearer is the face where it began
-SPREAD = np.radians(30)  # of the normals over a patch, from that in its middle
-SHAPES = ((1.0, 1.0), (1.0, 0.6), (0.6, 0.6), (1.0, 0.35), (0.6, 0.35), (0.35, 0.35), (0.6, 0.2), (0.2, 0.2))
-COARSE, FINE = 7, 13  # points along each side of the projected grid, to look and to fit
+NORMAL_SPREAD = np.radians(30)  # of the normals over a patch, from that in its middle
+PATCH_SHAPES = ((1.0, 1.0), (1.0, 0.6), (0.6, 0.6), (1.0, 0.35), (0.6, 0.35), (0.35, 0.35), (0.6, 0.2), (0.2, 0.2))
+COARSE_GRID, FINE_GRID = 7, 13  # points along each side of the projected grid, to look and to fit
 ERROR = 5e-4  # [m] largest distance of a patch from the mesh
-ABOVE, HIDDEN = 1e-3, 3e-4  # [m] what is this high above the surface is in no solid, or less deep than that
-DENSE = 12  # points drawn for each one that is kept
-AHEAD = 1e-5  # [m] where a ray through the object starts
+SURFACE_HEIGHT, BURIED_DEPTH = (
+    1e-3,
+    3e-4,
+)  # [m] what is this high above the surface is in no solid, or less deep than that
+POINT_DENSITY = 12  # points drawn for each one that is kept
+RAY_OFFSET = 1e-5  # [m] where a ray through the object starts
 
 
 class SurfaceSampler:
@@ -157,7 +160,7 @@ class _MeshSurface:
 
     def spread(self, count: int, random: np.random.Generator) -> list[tuple[Array, Array]]:
         """At most `count` points on the outer surface, each as far from those before it as can be, with normals."""
-        many = DENSE * count
+        many = POINT_DENSITY * count
         face = random.choice(len(self.areas), size=many, p=self.areas / self.areas.sum())
         a, b = np.sqrt(random.random(many)), random.random(many)
         weights = np.column_stack([1 - a, a * (1 - b), a * b])
@@ -179,12 +182,12 @@ class _MeshSurface:
 
         So it is on a face within a solid, and on one along which two solids meet.
         """
-        points = points + ABOVE * normals
+        points = points + SURFACE_HEIGHT * normals
         out = np.zeros(len(points), dtype=bool)
         low, high = points.min(axis=0), points.max(axis=0)
         for solid, (least, most) in zip(self.body.pieces, self._boxes, strict=True):
             if (least < high).all() and (most > low).all():
-                out |= solid.depth(points) > HIDDEN
+                out |= solid.depth(points) > BURIED_DEPTH
         return out
 
     @cached_property
@@ -198,7 +201,7 @@ class _MeshSurface:
         turn = _frame(normal)
         faces = np.flatnonzero(self.normals @ normal < 0)
         height = self._heights((turn[:2] @ point)[None], turn, faces)[0]
-        below = np.flatnonzero(height < point @ normal - AHEAD)
+        below = np.flatnonzero(height < point @ normal - RAY_OFFSET)
         for k in below[np.argsort(-height[below])]:
             out = point + (height[k] - point @ normal) * normal
             if not self.hidden(out[None], self.normals[faces[k]])[0]:
@@ -209,7 +212,7 @@ class _MeshSurface:
         """The largest patch about a point, moved away from edges, over which the normal turns little; or None."""
         for _ in range(2):
             turn, facing = _frame(normal), self._facing(point, normal, radius)
-            around = self._projected(point, turn, (radius, radius), facing, COARSE)
+            around = self._projected(point, turn, (radius, radius), facing, COARSE_GRID)
             hit = np.isfinite(around[:, 2])
             if hit.sum() < 3:
                 return None
@@ -224,13 +227,15 @@ class _MeshSurface:
         along -= (along @ normal) * normal
         along /= np.linalg.norm(along)
         turn = np.array([along, np.cross(normal, along), normal])
-        for a, b in SHAPES:
-            grids = (self._projected(point, turn, (a * radius, b * radius), facing, n) for n in (COARSE, FINE))
+        for a, b in PATCH_SHAPES:
+            grids = (
+                self._projected(point, turn, (a * radius, b * radius), facing, n) for n in (COARSE_GRID, FINE_GRID)
+            )
             for grid in grids:
                 if not np.isfinite(grid[:, 2]).all() or np.ptp(grid[:, 2]) > a * radius:
                     break
             else:
-                points = (point + grid @ turn).reshape(FINE, FINE, 3)
+                points = (point + grid @ turn).reshape(FINE_GRID, FINE_GRID, 3)
                 fitted = fit_grid(points)
                 if fitted.error_max < ERROR and not self.hidden(points.reshape(-1, 3), normal).any():
                     where, out = frozen(point, (3,), "point"), frozen(normal, (3,), "normal")
@@ -238,9 +243,9 @@ class _MeshSurface:
         return None
 
     def _facing(self, point: Array, normal: Array, radius: float) -> Indices:
-        """Faces near a point whose normals are within `SPREAD` of the one there."""
+        """Faces near a point whose normals are within `NORMAL_SPREAD` of the one there."""
         away = np.linalg.norm(self._middles - point, axis=1) - self._reach
-        return np.flatnonzero((self.normals @ normal > np.cos(SPREAD)) & (away < 2 * radius))
+        return np.flatnonzero((self.normals @ normal > np.cos(NORMAL_SPREAD)) & (away < 2 * radius))
 
     @cached_property
     def _middles(self) -> Array:

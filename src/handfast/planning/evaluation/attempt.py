@@ -26,7 +26,7 @@ from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedC
 from handfast.planning.evaluation.quality import GraspQuality, leans_on, quality, with_margins
 from handfast.planning.filters.balance import balances, held_by_contacts
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
-from handfast.planning.filters.surroundings import CLEAR, Way, WayFinder
+from handfast.planning.filters.surroundings import OBSTACLE_CLEARANCE, Way, WayFinder
 from handfast.planning.question import PlanOptions, fingerprint
 from handfast.planning.search import FILTERED, Overlap, RejectionReason, Tally, UnitResult, of_verdict
 from handfast.proofs.few_contacts import Fewest, Held
@@ -38,11 +38,11 @@ from handfast.stability.studies.hold import HoldAnswer
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
 CALMER = (0.5, 0.5, 0.0)  # of its abductions a hand keeps, where it started in itself, one after the other
-DIGITS = 9  # of a clearance [m], which is measured to about 1e-9
+CLEARANCE_DIGITS = 9  # of a clearance [m], which is measured to about 1e-9
 PUSHES = 4  # of the object by a finger, at most
 FIRMER = (1.25, 2.0, 4.0)  # times the commands of a fragile grasp: under the first with which it is robust it is kept
 
-REASONS = (
+ATTEMPT_REASONS = (
     *FILTERED,
     RejectionReason.SLIPS,
     RejectionReason.UNDECIDED,
@@ -50,7 +50,7 @@ REASONS = (
     RejectionReason.SIMULATED,
     RejectionReason.ALIKE,
 )
-OBJECT = "the object"  # in the place of a link's name
+OBJECT_NAME = "the object"  # in the place of a link's name
 Dropped = tuple[RejectionReason, Overlap | None]  # why an attempt was, and what was in what
 
 
@@ -200,7 +200,7 @@ class Runner:
         deep = self.clearance.overlaps(start.q, pose)
         if deep.inside > PENETRATION:
             return _overlap(deep, RejectionReason.INSIDE, RejectionReason.INSIDE)
-        if self.ways and self.ways.clearance(start.q, pose) < CLEAR:
+        if self.ways and self.ways.clearance(start.q, pose) < OBSTACLE_CLEARANCE:
             return RejectionReason.BLOCKED, None
         near = palm_poses.sweeps(self.scene, self.asked.palm.anatomy, start.q, pose)
         if len({self.asked.palm.anatomy.finger(i) for i in np.flatnonzero(near).tolist()}) < 2:
@@ -283,7 +283,7 @@ class Runner:
             return g
         clearance = self.clearance.clearance(g.q, g.pose, but=[str(c.link) for c in g.grasp.contacts])
         clearance = min(clearance, self.ways.clearance(g.q, g.pose)) if self.ways else clearance
-        return replace(g, answer=answer, quality=quality(answer, o, round(clearance, DIGITS)))
+        return replace(g, answer=answer, quality=quality(answer, o, round(clearance, CLEARANCE_DIGITS)))
 
     def _grasp(self, closed: Closed, pose: Array, contacts: Sequence[Contact]) -> Grasp:
         """The grasp of a closed hand with some of its contacts."""
@@ -304,7 +304,11 @@ class Runner:
             tied = set().union(*(self._across(name, why) for name, why in closed.stopped.items()))
             tied -= {finger(hand.link(name)) for name in closed.touching}
             links = {i for i in range(len(hand.links)) if finger(i) in tied}
-            gaps = [n for n in self.scene.nearest(closed.q, pose, palm_poses.FAR) if n.link in links] if links else []
+            gaps = (
+                [n for n in self.scene.nearest(closed.q, pose, palm_poses.PALM_CUTOFF) if n.link in links]
+                if links
+                else []
+            )
             short = min(gaps, key=lambda n: n.distance, default=None)
             if short is None or short.distance <= THRESHOLD:
                 break
@@ -330,7 +334,7 @@ def _overlap(deep: Overlaps, inside: RejectionReason, itself: RejectionReason) -
     """Which of two reasons it is, and what is deepest in what."""
     if deep.itself > deep.inside:
         return itself, (deep.pair, deep.itself)
-    return inside, ((deep.link, OBJECT), deep.inside) if deep.link else None
+    return inside, ((deep.link, OBJECT_NAME), deep.inside) if deep.link else None
 
 
 def squeezing(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:

@@ -30,9 +30,9 @@ from handfast.synthesis.search.starts import Certified
 from handfast.synthesis.solution import Solution, relative_curvatures
 from handfast.synthesis.task_problem import TaskProblem
 
-DEEP = 0.01  # [m] of penetration that costs 1
-NEAR = 1e-3  # [m] distances beyond this are not looked at in the search
-SHARES = (1.0, 0.6)  # of the friction with which loads should balance, beside that with which they must
+COST_DEPTH = 0.01  # [m] of penetration that costs 1
+EVALUATION_CUTOFF = 1e-3  # [m] distances beyond this are not looked at in the search
+FRICTION_SHARES = (1.0, 0.6)  # of the friction with which loads should balance, beside that with which they must
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class GraspCandidate:
     Attributes:
         certified: the coordinates. solution: the same in SI units, with the proof.
         q: (l,) all joints, those of non-contacting fingers placed.
-        clearances: of the hand to the object and to itself, as far as `NEAR`.
+        clearances: of the hand to the object and to itself, as far as `EVALUATION_CUTOFF`.
         rim: [m] where surfaces curve into each other at a contact, how far apart they are at the edge of its disc,
             to second order: negative; 0 if none do, or if something else forbids the candidate already.
         possible: nothing forbids that it holds: free of collision, and friction forces balance every load.
@@ -79,7 +79,7 @@ class Evaluator:
     ) -> None:
         self.problem, self.task, self.collisions = problem, problem.task, collisions
         self.loads, self.friction, self.torsion, self.allowed = loads, friction, torsion, allowed
-        self.shares = (circumscribed(soft=torsion > 0), *SHARES)
+        self.shares = (circumscribed(soft=torsion > 0), *FRICTION_SHARES)
         self.fingers = NonContactingFingers(self.task, collisions)
         self.evaluated = 0
 
@@ -94,14 +94,14 @@ class Evaluator:
             return None
         requested = requests(solution)
         clearances = self.collisions.clearances(solution.q, solution.pose, requested)
-        if self._depths(self.fingers.without(clearances)) / DEEP + sum(shares[1:]) >= below:
+        if self._depths(self.fingers.without(clearances)) / COST_DEPTH + sum(shares[1:]) >= below:
             return None
         q, clearances = self.fingers.placed(solution, clearances, requested)
         depths, rim = self._depths(clearances), 0.0
         if not (depths or shares[0]):  # asked last, it is the rarest fault
             rim = -float(rim_depth(relative_curvatures(solution), self.collisions.radius).max())
             depths = max(0.0, -rim - self.allowed.at_contacts)
-        cost = float(depths / DEEP + sum(shares[1:]))
+        cost = float(depths / COST_DEPTH + sum(shares[1:]))
         possible = not (depths or shares[0])
         return (
             GraspCandidate(certified, solution, q, clearances, rim, possible, cost, contacts) if cost < below else None

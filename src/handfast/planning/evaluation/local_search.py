@@ -27,23 +27,23 @@ from handfast.stability.answers import CheckAnswer
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, moderate
 from handfast.stability.studies.questions import check
-from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks
+from handfast.synthesis.search.starts import START_BLOCK, Certified, Starts, Walks
 
 SETTINGS = Settings(nodes=4000)  # nodes, not seconds: the same seed finds the same grasps
 RAW = 16  # certified random starts of a unit
 IMPROVED = 3  # of them, those with the least cost are improved
-STEPS = 40  # rounds of steps that one may take
-PATIENCE = 6  # rounds without progress after which it is given up
-AWAY = (0.02, 0.05, 0.1, 0.2)  # lengths of steps away from what penetrates, in the measure of `distance`
+SEARCH_ROUNDS = 40  # rounds of steps that one may take
+IDLE_ROUNDS = 6  # rounds without progress after which it is given up
+RETREAT_LENGTHS = (0.02, 0.05, 0.1, 0.2)  # lengths of steps away from what penetrates, in the measure of `distance`
 ANYWHERE = 0.2  # of the first steps in random directions; it adapts
-LONGEST, SHORTEST = 0.6, 0.005
-PROGRESS = 1e-4  # of the cost
+MAX_SEARCH_STEP, MIN_SEARCH_STEP = 0.6, 0.005
+COST_PROGRESS = 1e-4  # of the cost
 EQUAL = 1e-9  # nothing is left to improve: another with nothing wrong will do
-LEAST = 20.0  # [s] in which the least preload of one grasp is looked for
-GROWN = 2  # grasps of a unit of which it is asked how many times the loads they hold
+PRELOAD_SECONDS = 20.0  # [s] in which the least preload of one grasp is looked for
+RATED_GRASPS = 2  # grasps of a unit of which it is asked how many times the loads they hold
 QUESTIONS = 8  # about each
 GROWING = 10.0  # [s] for each, at most
-CLOSE = 1.01  # factors on the loads that are as near to each other are not told apart
+FACTOR_RATIO = 1.01  # factors on the loads that are as near to each other are not told apart
 NEAR_MISSES = 6  # possible candidates of one local search that may fail to hold
 
 
@@ -124,13 +124,13 @@ class LocalSearch:
     def run(self, number: int) -> ConfigurationUnit:
         """Unit `number`."""
         starts, tally, found = self.starts, Tally(), list[tuple[GraspCandidate, bool, HoldAnswer]]()
-        starts.block, starts.count, starts.unproved = number, number * BLOCK, 0
+        starts.block, starts.count, starts.unproved = number, number * START_BLOCK, 0
         steps = Steps(self.evaluator, self.walks, np.random.default_rng([self.seed, number, 2]))
         limited = self.best is not None and np.isfinite(self.force_limits.most).any()
         refinement = GraspRefinement(self.evaluator, steps, self.factor_of_forces if limited else None)
         before = self.evaluator.evaluated
         raw = sorted(self.candidates(starts.run(RAW)), key=_cost)
-        used = starts.count - number * BLOCK
+        used = starts.count - number * START_BLOCK
         for k, start in enumerate(raw):
             if self.late():
                 break
@@ -150,21 +150,21 @@ class LocalSearch:
         now, length, fails, missed = start, ANYWHERE, 0, 0
         asked: GraspCandidate | None = None
         said: HoldAnswer | RejectionReason = RejectionReason.UNDECIDED
-        for round_ in range(STEPS):
+        for round_ in range(SEARCH_ROUNDS):
             if now is not asked:
                 asked, said = now, self.judged(now)
                 missed += now.possible
                 if isinstance(said, HoldAnswer) or missed == NEAR_MISSES:
                     break
-            if fails == PATIENCE or self.late():
+            if fails == IDLE_ROUNDS or self.late():
                 break
-            new = steps.away(now, AWAY) if round_ % 2 == 0 else []
+            new = steps.away(now, RETREAT_LENGTHS) if round_ % 2 == 0 else []
             new += steps.anywhere(now, (0.3 * length, 0.6 * length, length))
-            better = min(self.candidates(new, now.cost - PROGRESS if now.cost else EQUAL), key=_cost, default=None)
+            better = min(self.candidates(new, now.cost - COST_PROGRESS if now.cost else EQUAL), key=_cost, default=None)
             if better:
-                now, fails, length = better, 0, min(1.3 * length, LONGEST)
+                now, fails, length = better, 0, min(1.3 * length, MAX_SEARCH_STEP)
             else:
-                fails, length = fails + 1, max(0.5 * length, SHORTEST)
+                fails, length = fails + 1, max(0.5 * length, MIN_SEARCH_STEP)
         return now, said
 
     def candidates(self, found: Iterable[Certified], below: float = np.inf) -> list[GraspCandidate]:
@@ -218,7 +218,7 @@ class LocalSearch:
             return tuple(Improved(c.certified, repaired, first) for c, repaired, first in found)
         out = []
         for k, (c, repaired, first) in enumerate(sorted(found, key=lambda f: -self.factor_of_forces(f[0]))):
-            answer, strength = self.strongest(c, first) if k < GROWN else (first, Strength(1.0, first.checks))
+            answer, strength = self.strongest(c, first) if k < RATED_GRASPS else (first, Strength(1.0, first.checks))
             out.append(Improved(c.certified, repaired, answer, strength))
         return tuple(out)
 
@@ -238,9 +238,9 @@ class LocalSearch:
         low, high = 1.0, self.factor_of_forces(c, self.evaluator.shares[0])
         answer, best = first, Strength(1.0, first.checks)
         for k in range(QUESTIONS):
-            if self.late() or high < CLOSE * low:
+            if self.late() or high < FACTOR_RATIO * low:
                 break
-            between = 2 * low if np.isinf(high) else high / CLOSE if k == 0 else float(np.sqrt(low * high))
+            between = 2 * low if np.isinf(high) else high / FACTOR_RATIO if k == 0 else float(np.sqrt(low * high))
             more = self.answer(c.grasp, least=False, timeout=self.left(GROWING), factor=between)
             again = None
             if more.verdict is Verdict.HOLDS:
@@ -261,7 +261,7 @@ class LocalSearch:
     def proof(self, certified: Certified) -> HoldAnswer:
         """The least preload that is found for a grasp that holds."""
         c = self.candidate(certified)
-        answer = self.answer(c.grasp, least=True, timeout=LEAST)
+        answer = self.answer(c.grasp, least=True, timeout=PRELOAD_SECONDS)
         if answer.verdict is not Verdict.HOLDS:  # the short way found one
             answer = self.answer(c.grasp, least=False, timeout=None)
         return answer

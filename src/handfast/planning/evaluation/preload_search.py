@@ -25,17 +25,17 @@ from handfast.planning.question import PlanLimits
 from handfast.stability.answers import CheckAnswer
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.hold import STRONG, HoldAnswer
+from handfast.stability.studies.hold import MODERATE_COMMAND, HoldAnswer
 from handfast.stability.studies.questions import check, hold
 
-NODES = 150_000  # of a query of one contact, over the square of the contacts
+QUERY_NODES = 150_000  # of a query of one contact, over the square of the contacts
 BOUNDING = 250_000  # of one for the least commands, whose proofs cost most, over the cube of the contacts
 CHECKED = 9_000  # of a query under a preload that is known, at least
-PATIENCE = 30.0  # [s] for all queries about a preload: a fuse, the nodes end them much earlier
-SHORTEST = 0.1  # [s] of them, where the time for the whole plan is up
-MANY = 6  # contacts: with more than these, a part is asked first
-TOLERANCE = 0.1  # of the wrenches that the part may miss, see `reduced_contacts`
-LEVELS = (1.0, 1.25)  # of the preload that holds with the part
+PRELOAD_TIMEOUT = 30.0  # [s] for all queries about a preload: a fuse, the nodes end them much earlier
+MIN_PRELOAD_TIME = 0.1  # [s] of them, where the time for the whole plan is up
+PART_CONTACTS = 6  # contacts: with more than these, a part is asked first
+PART_TOLERANCE = 0.1  # of the wrenches that the part may miss, see `reduced_contacts`
+PRELOAD_LEVELS = (1.0, 1.25)  # of the preload that holds with the part
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class PreloadSearch:
     """Looks for one preload under which a grasp of a body holds its loads.
 
     Attributes:
-        body: the object. loads: what is to be held. limits: within which; no `command_limit` is `STRONG` times the
-            largest load, no `settings` a number of nodes, so that the outcome does not hang on the machine.
+        body: the object. loads: what is to be held. limits: within which; no `command_limit` is `MODERATE_COMMAND`
+            times the largest load, no `settings` a number of nodes, so that the outcome does not hang on the machine.
         until: on the monotonic clock, when it has to end.
     """
 
@@ -80,7 +80,7 @@ class PreloadSearch:
             rebuilt: the same grasp with other contacts of the same links.
             actuators: that may be commanded.
         """
-        tolerance = TOLERANCE if grasp.m > MANY else 0.0
+        tolerance = PART_TOLERANCE if grasp.m > PART_CONTACTS else 0.0
         part = reduced_contacts(grasp.contacts, self.body, tolerance)
         told = SearchedContacts(touching, len(part.contacts), part.error)
         if told.searched == grasp.m:
@@ -95,13 +95,13 @@ class PreloadSearch:
     def found(self, grasp: Grasp, actuators: tuple[str, ...]) -> HoldAnswer:
         """What `hold` says of a grasp."""
         bounding = self.limits.settings or bounding_settings_for(grasp)
-        left = min(PATIENCE, max(self.until - time.monotonic(), SHORTEST))
+        left = min(PRELOAD_TIMEOUT, max(self.until - time.monotonic(), MIN_PRELOAD_TIME))
         how = {"actuators": actuators, "least": False, "timeout": left, "bounding": bounding}
         return held(grasp, self.loads, self.limits, settings_for(grasp), **how)
 
     def of_all(self, grasp: Grasp, part: HoldAnswer) -> HoldAnswer:
         """The answer for a grasp of whose contacts a part holds the loads: UNDECIDED if all of them do not."""
-        for level in LEVELS if part.upper > 0 else LEVELS[:1]:
+        for level in PRELOAD_LEVELS if part.upper > 0 else PRELOAD_LEVELS[:1]:
             answer = self.under(grasp, part, level)
             if answer:
                 return answer
@@ -128,7 +128,9 @@ class PreloadSearch:
         load = float((np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size).max())
         turns = np.array([joint.type == "revolute" for joint in grasp.joints])
         torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
-        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
+        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (
+            MODERATE_COMMAND * load
+        )
 
 
 # --- asked within limits -----------------------------------------------------------------------------
@@ -136,7 +138,7 @@ class PreloadSearch:
 
 def settings_for(grasp: Grasp) -> Settings:
     """Of a query about a grasp, where none were stated."""
-    return Settings(nodes=NODES / grasp.m**2)
+    return Settings(nodes=QUERY_NODES / grasp.m**2)
 
 
 def bounding_settings_for(grasp: Grasp) -> Settings:
@@ -146,7 +148,7 @@ def bounding_settings_for(grasp: Grasp) -> Settings:
 
 def checking_settings_for(grasp: Grasp) -> Settings:
     """Of a query under a preload that is known, where none were stated."""
-    return Settings(nodes=max(CHECKED, NODES / grasp.m**2), verify=False)
+    return Settings(nodes=max(CHECKED, QUERY_NODES / grasp.m**2), verify=False)
 
 
 def held(grasp: Grasp, loads: Loads, limits: PlanLimits, settings: Settings, **how: Any) -> HoldAnswer:
@@ -183,8 +185,8 @@ def held_again(
 
 # --- contacts of a flat face -------------------------------------------------------------------------
 
-TURNED = 1e-3  # [rad] normals that differ by less are one
-OFF = 2e-5  # [m] points that are less out of a plane, or out of a line, are in it
+NORMAL_ANGLE = 1e-3  # [rad] normals that differ by less are one
+PLANE_TOLERANCE = 2e-5  # [m] points that are less out of a plane, or out of a line, are in it
 
 
 def spanning(contacts: Sequence[Contact]) -> tuple[Contact, ...]:
@@ -209,7 +211,7 @@ def _one_face(a: Contact, b: Contact) -> bool:
     """Whether two contacts press one plane of the object with one link."""
     apart = abs(float((a.position - b.position) @ b.normal))
     same = a.link == b.link and a.friction == b.friction
-    return bool(same and a.normal @ b.normal >= np.cos(TURNED) and apart <= OFF)
+    return bool(same and a.normal @ b.normal >= np.cos(NORMAL_ANGLE) and apart <= PLANE_TOLERANCE)
 
 
 def _corners(points: Array) -> list[int]:
@@ -220,7 +222,7 @@ def _corners(points: Array) -> list[int]:
         return list(range(len(points)))
     axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     along, across = (points @ axes.T).T
-    if np.ptp(across) <= OFF:
+    if np.ptp(across) <= PLANE_TOLERANCE:
         return sorted({int(along.argmin()), int(along.argmax())})
     hull = ConvexHull(points).vertices
     kept = few(points[hull])

@@ -10,14 +10,14 @@ import numpy as np
 
 from handfast.core.answer import uninterrupted
 from handfast.model.grasp import Grasp
-from handfast.planning.evaluation.preload_search import PATIENCE, checking_settings_for, settings_for
+from handfast.planning.evaluation.preload_search import PRELOAD_TIMEOUT, checking_settings_for, settings_for
 from handfast.planning.question import PlanOptions
 from handfast.stability.answers.answer import finite
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.margin_search import margin
 from handfast.stability.studies.questions import maximum
 
-GAP = 1e-2  # of the margins: their bounds may be so far apart
+QUALITY_GAP = 1e-2  # of the margins: their bounds may be so far apart
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
     grasp, limits, found = answer.grasp.with_commands(answer.preload or {}), options.limits, {}
     asked = [(name, w) for name, w in answer.loads.by_name.items() if np.any(w)]
     for k, (name, w) in enumerate(asked):
-        left = min(until - time.monotonic(), PATIENCE) / (len(asked) - k)
+        left = min(until - time.monotonic(), PRELOAD_TIMEOUT) / (len(asked) - k)
         if left <= 0:
             return answer
-        settings = limits.settings or replace(settings_for(grasp), gap=GAP, timeout=left)
+        settings = limits.settings or replace(settings_for(grasp), gap=QUALITY_GAP, timeout=left)
         how: dict[str, Any] = {"limits": limits.of_grasp(grasp), "loading": limits.loading}
         if limits.loading == "together":
             shown = uninterrupted(maximum(grasp, w, settings=replace(settings, verify=False), **how))

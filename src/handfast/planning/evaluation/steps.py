@@ -14,19 +14,19 @@ import numpy as np
 from handfast.core.arrays import Array, Mask
 from handfast.geometry.collision import SeparationVector
 from handfast.model.hand.coupling import drivers
-from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandidate, requests
-from handfast.planning.filters.balance import POINT
+from handfast.planning.evaluation.evaluator import COST_DEPTH, Evaluator, GraspCandidate, requests
+from handfast.planning.filters.balance import MIN_TORQUE_ARM
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.search.starts import Certified, Walks
 from handfast.synthesis.task_problem import TaskProblem
 
 AIR = 5e-4  # [m] further apart than allowed: where a step away aims
-SLACK = 2e-3  # room to every bound below which a step does not press on it; in coordinates
+BOUND_SLACK = 2e-3  # room to every bound below which a step does not press on it; in coordinates
 LINE_LENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)  # of steps in the measure of `distance`, up to the first beyond it
 LINE_ROUNDS = 40  # of steps between two that are on either side of it
-EXACT = 1e-14  # of the regions' distance from the origin and of each other: an arm that is none
+ARM_TOLERANCE = 1e-14  # of the regions' distance from the origin and of each other: an arm that is none
 PROPORTIONAL = 1e-12  # relative: loads that are multiples of one another
-SMALL = 1e-6  # of a parameter, for differences
+PARAMETER_STEP = 1e-6  # of a parameter, for differences
 
 
 class Steps:
@@ -59,11 +59,11 @@ class Steps:
         for p in self.evaluator.collisions.separations(c.q, c.solution.pose, requests(c.solution), margin=AIR):
             short = limit[p.link_b is None] - p.distance
             if short > 0:
-                g += short / DEEP * self.slope(p, c)
+                g += short / COST_DEPTH * self.slope(p, c)
         if not g.any():
             return None
         flat = self.evaluator.problem.flat
-        low, high = x - flat.coordinates.lower < SLACK, flat.coordinates.upper - x < SLACK
+        low, high = x - flat.coordinates.lower < BOUND_SLACK, flat.coordinates.upper - x < BOUND_SLACK
         g = np.where((low & (g < 0)) | (high & (g > 0)), 0.0, g)
         return np.asarray(g / self.walks.weight)
 
@@ -113,11 +113,11 @@ class Gradients:
 
 # --- a grasp that holds, made a better one -----------------------------------------------------------
 
-ROUNDS = 12
+QUALITY_ROUNDS = 12
 LENGTHS = (0.02, 0.06, 0.15)  # of the steps, in the measure of `distance`
-PROGRESS = 1e-3  # in the quality, at least
-ENOUGH = 0.15  # of the range between a joint's limits, or of a patch's side: more room than that is not asked for
-SHALLOW = 1e-3  # [m] of overlap, or share of friction short, that weighs as much as `ENOUGH` of room
+QUALITY_PROGRESS = 1e-3  # in the quality, at least
+ENOUGH_ROOM = 0.15  # of the range between a joint's limits, or of a patch's side: more room than that is not asked for
+OVERLAP_UNIT = 1e-3  # [m] of overlap, or share of friction short, that weighs as much as `ENOUGH_ROOM` of room
 
 
 class GraspRefinement:
@@ -142,14 +142,14 @@ class GraspRefinement:
 
     def refined(self, c: GraspCandidate) -> GraspCandidate:
         """The best candidate on the way, which may be the first."""
-        now, least, fails = c, self.quality(c) + PROGRESS, 0
-        for round_ in range(ROUNDS):
+        now, least, fails = c, self.quality(c) + QUALITY_PROGRESS, 0
+        for round_ in range(QUALITY_ROUNDS):
             inwards = self.inwards(now) if round_ % 2 == 0 else None
             new = self.steps.anywhere(now, LENGTHS) if inwards is None else self.steps.along(now, inwards, LENGTHS)
             found = [k for k in (self.evaluator.candidate(x) for x in new) if k and k.possible]
             value, best = max(((self.quality(k), k) for k in found), key=lambda of: of[0], default=(-np.inf, now))
             if value > least:
-                now, least, fails = best, value + PROGRESS, 0
+                now, least, fails = best, value + QUALITY_PROGRESS, 0
             else:
                 fails += 1
                 if fails == 4:
@@ -159,7 +159,11 @@ class GraspRefinement:
     def room_quality(self, c: GraspCandidate) -> float:
         """Room to the limits, up to enough of it, less overlap and friction that is missing at a smaller share."""
         overlap = min(c.clearances.least_to_object, c.clearances.least_between, 0.0)
-        return min(float(self.room(c).min(initial=ENOUGH)), ENOUGH) / ENOUGH + overlap / SHALLOW - c.cost
+        return (
+            min(float(self.room(c).min(initial=ENOUGH_ROOM)), ENOUGH_ROOM) / ENOUGH_ROOM
+            + overlap / OVERLAP_UNIT
+            - c.cost
+        )
 
     def room(self, c: GraspCandidate) -> Array:
         """Distance of each bounded coordinate to its nearer bound, as a share of its range."""
@@ -171,7 +175,7 @@ class GraspRefinement:
         """(n,) away from the bounds that are near, in coordinates times the weights of `Walks`; None if none is."""
         flat, x = self.evaluator.problem.flat, c.certified.x
         g = np.zeros(len(x))
-        short = np.maximum(0.0, ENOUGH - self.room(c))
+        short = np.maximum(0.0, ENOUGH_ROOM - self.room(c))
         middle = (flat.coordinates.lower + flat.coordinates.upper)[self.bounded] / 2
         g[self.bounded] = short * np.sign(middle - x[self.bounded]) / self.width[self.bounded]
         return np.asarray(g / self.steps.walks.weight) if g.any() else None
@@ -210,7 +214,7 @@ class LineBalance:
         turn = second - first
         assert self.load is not None
         moment = self.load[:3] @ np.cross(first, second) + self.load[3:] @ turn
-        return float(moment / max(float(np.linalg.norm(turn)), POINT))
+        return float(moment / max(float(np.linalg.norm(turn)), MIN_TORQUE_ARM))
 
     def balanced(self, certified: Certified) -> Certified:
         """Near a certified configuration one without an arm; itself where none is found or no equation is to solve."""
@@ -218,11 +222,11 @@ class LineBalance:
             return certified
         here = certified.x[self.columns]
         low, at_low, high, at_high = 0.0, self.arm(here), 0.0, 0.0
-        if abs(at_low) <= EXACT * self.size:
+        if abs(at_low) <= ARM_TOLERANCE * self.size:
             return certified
-        sides = SMALL * np.eye(4)
+        sides = PARAMETER_STEP * np.eye(4)
         slope = np.zeros(len(certified.x))
-        slope[self.columns] = [(self.arm(here + d) - self.arm(here - d)) / (2 * SMALL) for d in sides]
+        slope[self.columns] = [(self.arm(here + d) - self.arm(here - d)) / (2 * PARAMETER_STEP) for d in sides]
         direction = -np.sign(at_low) * slope / self.walks.weight
         for length in LINE_LENGTHS:
             found = self._step(certified, direction, length)
@@ -239,7 +243,7 @@ class LineBalance:
             if found is None:
                 return certified
             value = self.arm(found.x[self.columns])
-            if abs(value) <= EXACT * self.size:
+            if abs(value) <= ARM_TOLERANCE * self.size:
                 return found
             if value * at_low > 0:
                 low, at_low = between, value

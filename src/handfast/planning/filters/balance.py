@@ -18,17 +18,17 @@ from handfast.proofs.few_contacts import Held
 from handfast.proofs.solids import ConvexSolid
 from handfast.stability.problem.loads import Loads
 
-EDGES = 8  # of the pyramid in each friction cone, of a soft finger on each circle of latitude
+PYRAMID_EDGES = 8  # of the pyramid in each friction cone, of a soft finger on each circle of latitude
 LATITUDES = (0.0, 40.0, -40.0)  # [deg] of those circles, the last two half a step on; the poles are edges, too
-BALANCED = 1e-6  # share of a wrench below which it counts as balanced
+BALANCE_SHARE = 1e-6  # share of a wrench below which it counts as balanced
 SEPARATED = 1e-9  # of what is missing: a force along an edge that helps more than this shows that it was not all tried
-POINT = 1e-9  # [m] contacts that are no further apart, or a single one from the origin, give torques no unit
+MIN_TORQUE_ARM = 1e-9  # [m] contacts that are no further apart, or a single one from the origin, give torques no unit
 LEAST_PUSH = 0.08  # of the squeezing force: a point that would carry less is left out of the first look
 
 # --- pyramids ---------------------------------------------------------------------------------------
 
 
-def rim(edges: int = EDGES, *, soft: bool = False) -> Array:
+def rim(edges: int = PYRAMID_EDGES, *, soft: bool = False) -> Array:
     """(M, 3) where the edges of a pyramid in a cone with a normal force of 1 are: two tangents and torsion, each over
     its coefficient. Unit vectors: on a circle, of soft fingers on a sphere.
     """
@@ -42,7 +42,7 @@ def rim(edges: int = EDGES, *, soft: bool = False) -> Array:
 
 
 @lru_cache
-def circumscribed(edges: int = EDGES, *, soft: bool = False) -> float:
+def circumscribed(edges: int = PYRAMID_EDGES, *, soft: bool = False) -> float:
     """The factor on friction and torsion with which the pyramids hold the cones."""
     from scipy.spatial import ConvexHull
 
@@ -57,8 +57,8 @@ def circumscribed(edges: int = EDGES, *, soft: bool = False) -> float:
 def imbalance(grasp: Grasp, wrenches: Array, friction: float = 1.0) -> Array:
     """(k,) share of each wrench (k, 6) that no forces within the friction cones balance: 0 none, 1 all of it.
 
-    Torques are divided by the grasp's size, by 1 m if that is below `POINT`. The cones are inscribed pyramids of 8
-    edges, those of soft fingers of 26. Where it is not 0, what is missing separates the wrench from all that such
+    Torques are divided by the grasp's size, by 1 m if that is below `MIN_TORQUE_ARM`. The cones are inscribed pyramids
+    of 8 edges, those of soft fingers of 26. Where it is not 0, what is missing separates the wrench from all that such
     forces make (Farkas), which is checked.
 
     Args:
@@ -73,7 +73,7 @@ def imbalance(grasp: Grasp, wrenches: Array, friction: float = 1.0) -> Array:
         size = float(np.linalg.norm(w))
         if size > 0:
             x, missing = nnls(A, -w / size)
-            if missing > BALANCED and (A.T @ (-w / size - A @ x)).max() <= SEPARATED * missing:
+            if missing > BALANCE_SHARE and (A.T @ (-w / size - A @ x)).max() <= SEPARATED * missing:
                 out[k] = missing
     return out
 
@@ -105,7 +105,7 @@ def friction_margin(grasp: Grasp, wrenches: Array) -> float:
 
 def _edges(grasp: Grasp, friction: float) -> tuple[Array, Array]:
     """(6, M) unit wrenches of forces along the edges of the pyramids; (6,) the scale that they are in."""
-    scale, soft = np.array([1.0] * 3 + [1 / grasp.size if grasp.size > POINT else 1.0] * 3), grasp.soft
+    scale, soft = np.array([1.0] * 3 + [1 / grasp.size if grasp.size > MIN_TORQUE_ARM else 1.0] * 3), grasp.soft
     G = (scale[:, None] * grasp.G).reshape(6, -1, 3)
     hard = np.delete(np.arange(grasp.m), soft)
     parts = []
@@ -170,7 +170,7 @@ def load_factor(
     friction: float,
     limits: Array,
     load: Array,
-    edges: int = EDGES,
+    edges: int = PYRAMID_EDGES,
     torsion: float = 0.0,
 ) -> tuple[float, Array]:
     """The largest factor at which contact forces balance a load (6,), and the twist (6,) of the object that shows it.
@@ -187,7 +187,7 @@ def load_factor(
 
     K, everywhere = len(points), points.reshape(-1, 3)
     center = everywhere.mean(axis=0)
-    size = max(float(np.linalg.norm(everywhere - center, axis=1).max()), POINT)
+    size = max(float(np.linalg.norm(everywhere - center, axis=1).max()), MIN_TORQUE_ARM)
     wrenches = pyramid_wrenches(points, normals, friction, center, size, edges, torsion)
     own = np.r_[load[:3], (load[3:] - np.cross(center, load[:3])) / size]
     length, limited = float(np.linalg.norm(own)), np.isfinite(limits)
@@ -211,7 +211,7 @@ def pyramid_wrenches(
     friction: float,
     center: Array,
     size: float,
-    edges: int = EDGES,
+    edges: int = PYRAMID_EDGES,
     torsion: float = 0.0,
 ) -> Array:
     """(K, M, 6) about a centre, torques over a size: forces of normal part 1 along edges of pyramids about normals.
@@ -270,9 +270,9 @@ def squeeze_margin(points: Array, normals: Array, friction: float) -> float:
     k = len(points)
     arms = points - points.mean(axis=0)
     size = max(float(np.linalg.norm(arms, axis=1).mean()), 1e-9)
-    balance, inside = np.zeros((7, 3 * k + 1)), np.zeros((EDGES * k, 3 * k + 1))
-    around = np.arange(EDGES) * 2 * np.pi / EDGES
-    shrunk = np.cos(np.pi / EDGES)
+    balance, inside = np.zeros((7, 3 * k + 1)), np.zeros((PYRAMID_EDGES * k, 3 * k + 1))
+    around = np.arange(PYRAMID_EDGES) * 2 * np.pi / PYRAMID_EDGES
+    shrunk = np.cos(np.pi / PYRAMID_EDGES)
     for i, n in enumerate(normals):
         e1 = np.cross(n, np.eye(3)[np.abs(n).argmin()])
         e1 /= np.linalg.norm(e1)
@@ -281,8 +281,10 @@ def squeeze_margin(points: Array, normals: Array, friction: float) -> float:
         balance[:3, own] = axes.T
         balance[3:6, own] = np.cross(arms[i] / size, axes).T
         balance[6, 3 * i] = 1.0
-        rows = slice(EDGES * i, EDGES * (i + 1))
-        inside[rows, own] = np.column_stack([np.full(EDGES, -friction * shrunk), np.cos(around), np.sin(around)])
+        rows = slice(PYRAMID_EDGES * i, PYRAMID_EDGES * (i + 1))
+        inside[rows, own] = np.column_stack(
+            [np.full(PYRAMID_EDGES, -friction * shrunk), np.cos(around), np.sin(around)]
+        )
         inside[rows, -1] = shrunk
     target = np.zeros(7)
     target[6] = 1.0

@@ -16,9 +16,9 @@ from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 
 BENT = 0.9  # of a joint's range, where its finger is folded away
-TRIES = 48  # postures of one finger
-SEED = 0
-SEEN = 1e-3  # [m] nothing further apart need be measured: only overlaps count
+POSTURE_TRIES = 48  # postures of one finger
+POSTURE_SEED = 0
+POSTURE_CUTOFF = 1e-3  # [m] nothing further apart need be measured: only overlaps count
 
 # --- two postures, by names -------------------------------------------------------------------------
 
@@ -95,12 +95,12 @@ class NonContactingFingers:
         for j in free:
             first = next(hand.moved_by(i)[0] for i in range(len(hand.links)) if j in hand.moved_by(i))
             chains.setdefault(first, []).append(j)
-        rng = np.random.default_rng(SEED)
+        rng = np.random.default_rng(POSTURE_SEED)
         self.fingers = []
         for joints in chains.values():
             lo, hi = np.array([ranges[j] for j in joints]).T
             rest = np.clip(0.0, lo, hi)
-            x = lo + rng.random((TRIES, len(joints))) * (hi - lo)
+            x = lo + rng.random((POSTURE_TRIES, len(joints))) * (hi - lo)
             x = np.vstack([hi, lo, (lo + hi) / 2, x])
             x = x[np.argsort(np.abs(x - rest).sum(axis=1), kind="stable")]
             links = [i for i in range(len(hand.links)) if set(joints) & set(hand.moved_by(i))]
@@ -134,7 +134,7 @@ class NonContactingFingers:
 
     def _overlap(self, finger: NonContactingFinger, q: Array, pose: Array) -> float:
         """[m] how deep a finger is in anything, 0 if it is clear."""
-        to_object, between = self.collisions.scene.clearances(q, pose, SEEN)
+        to_object, between = self.collisions.scene.clearances(q, pose, POSTURE_CUTOFF)
         between = beyond_rest(between, self.collisions.at_rest)
         nearest = min(to_object[finger.links].min(initial=0.0), between[finger.pairs].min(initial=0.0))
         return max(0.0, -float(nearest))

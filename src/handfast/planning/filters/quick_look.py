@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.geometry.collision import always_meeting
-from handfast.geometry.scene import CUTOFF, FAR, Scene, beyond_rest, rest_overlaps
+from handfast.geometry.scene import FAR_POSE, OVERLAP_CUTOFF, Scene, beyond_rest, rest_overlaps
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class QuickLook:
 
     def overlaps(self, q: Array, pose: Array | None = None) -> Overlaps:
         """Largest overlaps; arguments as of `clearance`, without a pose those of the hand with itself."""
-        links, between = self.scene.clearances(q, FAR if pose is None else pose, CUTOFF)
+        links, between = self.scene.clearances(q, FAR_POSE if pose is None else pose, OVERLAP_CUTOFF)
         names, between = self.scene.hand.link_names, self._beyond(between)
         i, k = int(links.argmin()), int(between.argmin()) if len(between) else -1
         meet = k >= 0 and between[k] < 0

@@ -16,14 +16,14 @@ from handfast.model.hand.hand import Hand, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 
-TRAVEL = 0.1  # [m] of the approach, and of the retreat
-WIDE = 2.0  # [m] side of the box that stands for a plane
+WAY_LENGTH = 0.1  # [m] of the approach, and of the retreat
+PLANE_SIDE = 2.0  # [m] side of the box that stands for a plane
 THICK = 0.5  # [m] of that box
-CLEAR = 1e-3  # [m] a hand that is nearer to an obstacle is in it
-TOUCHING = 1e-4  # [m] how deep solids may be that touch from the start: the object its support, a finger the object
-STEP = 1e-3  # [m] least step along a way; else as far as the nearest solid is away, so that none is passed
-FAR = 0.05  # [m] distances beyond this are not computed
-CLOSING = 10  # steps of closing that are looked at
+OBSTACLE_CLEARANCE = 1e-3  # [m] a hand that is nearer to an obstacle is in it
+TOUCH_DEPTH = 1e-4  # [m] how deep solids may be that touch from the start: the object its support, a finger the object
+MIN_WAY_STEP = 1e-3  # [m] least step along a way; else as far as the nearest solid is away, so that none is passed
+OBSTACLE_CUTOFF = 0.05  # [m] distances beyond this are not computed
+CLOSING_STEPS = 10  # steps of closing that are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Surroundings:
 
     up: Sequence[float] | Array | None = None
     obstacles: Sequence[Shape] = field(default=(), repr=False)
-    travel: float = TRAVEL
+    travel: float = WAY_LENGTH
 
     def __post_init__(self) -> None:
         if self.up is not None and not np.linalg.norm(np.asarray(self.up, dtype=float)) > 0:
@@ -58,7 +58,7 @@ class Surroundings:
         frame = normal_frame(up)
         middle = body.center_of_mass
         top = middle + (float((corners @ up).min()) - middle @ up) * up
-        return [*self.obstacles, Shape("box", (THICK, WIDE, WIDE), transform(top - THICK / 2 * up, frame))]
+        return [*self.obstacles, Shape("box", (THICK, PLANE_SIDE, PLANE_SIDE), transform(top - THICK / 2 * up, frame))]
 
     @property
     def numbers(self) -> list[object]:
@@ -102,14 +102,15 @@ class WayFinder:
             others = Body.of(solids, name="surroundings")
             self._hand = Scene(scene.hand, others, scene.ignored)
             self._object = Scene(_as_hand(scene.body), others)
-            deep = -float(self._object.distance(np.zeros(0), np.eye(4), FAR).min())
-            if deep > TOUCHING:
+            deep = -float(self._object.distance(np.zeros(0), np.eye(4), OBSTACLE_CUTOFF).min())
+            if deep > TOUCH_DEPTH:
                 problem = f"is in the object, {1e3 * deep:.3g} mm deep; both files have the object's frame"
                 raise InputError(problem, field="obstacle")
 
     def clearance(self, q: Array, pose: Array) -> float:
-        """[m] of the hand at q (l,) from what is around an object at a pose (4, 4) in its base frame, up to `FAR`."""
-        return float(self._hand.distance(q, pose, FAR).min()) if self._hand else FAR
+        """[m] of the hand at q (l,) from what is around an object at a pose (4, 4) in its base frame, up to
+        `OBSTACLE_CUTOFF`."""
+        return float(self._hand.distance(q, pose, OBSTACLE_CUTOFF).min()) if self._hand else OBSTACLE_CUTOFF
 
     def way(self, opened: Array, closed: Array, pose: Array, approach: Array) -> Way | None:
         """The way in and out of a grasp; None if something collides.
@@ -122,9 +123,13 @@ class WayFinder:
         hand, R = self.scene.hand, pose[:3, :3]
         away = np.asarray(self.around.up if self.around.up is not None else -(R.T @ approach), dtype=float)
         retreat = away / np.linalg.norm(away)
-        shares = np.linspace(0.0, 1.0, CLOSING)
+        shares = np.linspace(0.0, 1.0, CLOSING_STEPS)
         closing = (self.clearance(opened + share * (closed - opened), pose) for share in shares)
-        if min(closing) < CLEAR or not self._comes(opened, pose, approach) or not self._leaves(closed, pose, retreat):
+        if (
+            min(closing) < OBSTACLE_CLEARANCE
+            or not self._comes(opened, pose, approach)
+            or not self._leaves(closed, pose, retreat)
+        ):
             return None
         joints = dict(zip(hand.joint_names, opened.tolist(), strict=True))
         return Way(joints, tuple(approach.tolist()), tuple(retreat.tolist()), self.around.travel)
@@ -135,8 +140,8 @@ class WayFinder:
         def room(at: float) -> float:
             there = pose.copy()
             there[:3, 3] += at * approach
-            to_object = float(self.scene.distance(q, there, FAR).min())
-            return min(to_object + TOUCHING, self.clearance(q, there) - CLEAR)
+            to_object = float(self.scene.distance(q, there, OBSTACLE_CUTOFF).min())
+            return min(to_object + TOUCH_DEPTH, self.clearance(q, there) - OBSTACLE_CLEARANCE)
 
         return self._free(room)
 
@@ -145,8 +150,10 @@ class WayFinder:
 
         def room(at: float) -> float:
             around = transform(-at * retreat)  # what is around, as hand and object see it
-            of_object = self._object.distance(np.zeros(0), around, FAR).min() if self._object else FAR
-            return min(float(of_object) + TOUCHING, self.clearance(q, pose @ around) - CLEAR)
+            of_object = (
+                self._object.distance(np.zeros(0), around, OBSTACLE_CUTOFF).min() if self._object else OBSTACLE_CUTOFF
+            )
+            return min(float(of_object) + TOUCH_DEPTH, self.clearance(q, pose @ around) - OBSTACLE_CLEARANCE)
 
         return self._free(room)
 
@@ -157,7 +164,7 @@ class WayFinder:
             free = room(at)
             if free < 0:
                 return False
-            at += max(STEP, free)
+            at += max(MIN_WAY_STEP, free)
         return True
 
 

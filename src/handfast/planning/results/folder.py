@@ -19,7 +19,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import read_json, validate, write_text
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
-from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
+from handfast.planning.evaluation.attempt import ATTEMPT_REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.preload_search import checking_settings_for, held_again
 from handfast.planning.question import refuse_another
 from handfast.planning.results.grasps import Grasps
@@ -30,8 +30,8 @@ from handfast.readers.configuration_file import load_configuration, save_configu
 from handfast.readers.grasp_file import load_grasp, save_grasp
 from handfast.synthesis.task import Task
 
-PAUSE = 2.0  # [s] between two notes of how far a search has come, where nothing was found
-PLAN, SEARCH, GRASPS, CONTACTS = "plan.json", "search.json", "grasps.json", "contacts.json"
+NOTE_INTERVAL = 2.0  # [s] between two notes of how far a search has come, where nothing was found
+PLAN_FILE, SEARCH_FILE, GRASPS_FILE, CONTACTS_FILE = "plan.json", "search.json", "grasps.json", "contacts.json"
 PLAN_FILES = {  # of a planned grasp, by their keys in `plan.json`
     "configuration_file": "{:03d}.configuration.json",
     "grasp_file": "{:03d}.grasp.json",
@@ -53,7 +53,7 @@ class SearchFolder(Journal[State]):
 
     def __init__(self, path: Path, *, resume: bool = False, on_progress: Callable[[State], None] | None = None) -> None:
         super().__init__(on_progress)
-        self.path, self.resume, self._when = path, resume, -PAUSE
+        self.path, self.resume, self._when = path, resume, -NOTE_INTERVAL
         self.source = str(path / self.files[0])
 
     @classmethod
@@ -79,7 +79,7 @@ class SearchFolder(Journal[State]):
     def note(self, state: State, *, new: bool) -> None:
         """Write what is new: a grasp at once, anything else now and then."""
         super().note(state, new=new)
-        if new or time.monotonic() > self._when + PAUSE:
+        if new or time.monotonic() > self._when + NOTE_INTERVAL:
             self.close(state)
 
     def close(self, state: State) -> None:
@@ -105,7 +105,7 @@ class GraspFolder(SearchFolder[Grasps]):
     """
 
     holds = "grasps"
-    files = (SEARCH, GRASPS, *(file.format("[0-9]*") for file in GRASP_FILES))
+    files = (SEARCH_FILE, GRASPS_FILE, *(file.format("[0-9]*") for file in GRASP_FILES))
 
     def __init__(self, path: Path, **journal: Any) -> None:
         super().__init__(path, **journal)
@@ -117,7 +117,7 @@ class GraspFolder(SearchFolder[Grasps]):
 
     def write(self, state: Grasps) -> None:
         if state.grasps or state.proof_of_none:
-            self.written = [self.path / GRASPS]
+            self.written = [self.path / GRASPS_FILE]
             for k, g in enumerate(state.grasps, start=1):
                 grasp, configuration = (self.path / file.format(k) for file in GRASP_FILES)
                 _save_placed(g.grasp, g.configuration, grasp, configuration)
@@ -139,7 +139,7 @@ class PlanFolder(SearchFolder[Plan]):
     """
 
     holds = "a plan"
-    files = (PLAN, "[0-9]*.grasp.json")
+    files = (PLAN_FILE, "[0-9]*.grasp.json")
 
     def __init__(
         self,
@@ -170,8 +170,8 @@ class PlanFolder(SearchFolder[Plan]):
         self.answer = state.to_json() | {"scene": scene}
         if state.fewest_contacts:
             said = state.contacts_json() | {"object": self.named["object"]}
-            write_text(self.path / CONTACTS, json.dumps(said) + "\n", force=True)
-            self.answer |= {"contacts_file": CONTACTS}
+            write_text(self.path / CONTACTS_FILE, json.dumps(said) + "\n", force=True)
+            self.answer |= {"contacts_file": CONTACTS_FILE}
         for entry in (*self.answer["grasps"], *self.answer["others"]):
             entry |= {key: name.format(number[entry["attempt"]]) for key, name in PLAN_FILES.items()}
         write_text(self.source, json.dumps(self.answer, indent=1) + "\n", force=True)
@@ -188,7 +188,7 @@ class PlanFolder(SearchFolder[Plan]):
         try:
             file = validate(PlanFile, read_json(self.source, "plan"))
             refuse_another(file.question, question.question)
-            tally = Tally.from_json(file.fates, "kept", REASONS)
+            tally = Tally.from_json(file.fates, "kept", ATTEMPT_REASONS)
             tally.take_overlaps(file.overlaps)
         except InputError as fault:
             raise fault.at(self.source) from None

@@ -27,7 +27,7 @@ from handfast.planning.question import Requirements
 from handfast.planning.ranking import rank
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps_file import ObjectEntry, SavedGrasp, SavedGrasps
-from handfast.planning.results.search_file import REASONS, SavedSearch
+from handfast.planning.results.search_file import COUNTED_REASONS, SavedSearch
 from handfast.planning.results.verify import verify
 from handfast.planning.search import Tally
 from handfast.proofs.replay import Replay
@@ -209,7 +209,7 @@ class Grasps(Presented):
             "starts": self.starts,
             "unproved": self.unproved,
             "judged": self.evaluated,
-            "fates": self.tally.to_json("holds", REASONS),
+            "fates": self.tally.to_json("holds", COUNTED_REASONS),
             "balance": self.balance.to_json() if self.balance else None,
             "bound": self.bound.to_json() if self.bound else None,
             "joined": self.joined.to_json() if self.joined else None,

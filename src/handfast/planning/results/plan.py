@@ -13,7 +13,7 @@ from handfast.core.presented import Presented
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
-from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
+from handfast.planning.evaluation.attempt import ATTEMPT_REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.preload_search import SearchedContacts
 from handfast.planning.evaluation.quality import largest_command
 from handfast.planning.filters.surroundings import Way
@@ -23,8 +23,8 @@ from handfast.proofs import few_contacts
 from handfast.proofs.replay import Replay
 from handfast.stability.problem.loads import Loads
 
-FEW = 10  # starts tell nothing yet
-STARTS = (
+FEW_STARTS = 10  # starts tell nothing yet
+STARTS_NOT_REPLAYED = (
     "what became of the other starts, that the grasps differ from each other, and that the ways in and out are free",
 )
 
@@ -136,7 +136,7 @@ class Plan(Presented):
     @property
     def diagnosis(self) -> list[str]:
         """What rejected most of the attempts, and what may help, if nothing was found; [] if time ended it at once."""
-        at_once = self.stop == Stop.TIME and self.tried < FEW
+        at_once = self.stop == Stop.TIME and self.tried < FEW_STARTS
         return [] if self.grasps or self.asked.impossible or at_once else diagnosis(self.tally, self.hand)
 
     @property
@@ -152,7 +152,7 @@ class Plan(Presented):
         scene = Scene(self.hand, self.body, self.asked.options.ignored)
         parts = [replace(verify_planned(self.asked, scene, g), name=f"grasp {self.number(g)}") for g in self.found]
         parts += [few_contacts.replay(self.contacts_json())] if self.fewest_contacts else []
-        return Replay("plan", parts=tuple(parts), not_replayed=STARTS)
+        return Replay("plan", parts=tuple(parts), not_replayed=STARTS_NOT_REPLAYED)
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints and writes to plan.json, beside the files' names."""
@@ -164,7 +164,7 @@ class Plan(Presented):
             **({"torsion": self.asked.options.torsion} if self.asked.options.torsion else {}),
             "loads": self.loads.by_name,
             "tried": self.tried,
-            "fates": self.tally.to_json("kept", REASONS),
+            "fates": self.tally.to_json("kept", ATTEMPT_REASONS),
             "overlaps": self.tally.overlaps_json(),
             "diagnosis": self.diagnosis,
             "fewest_contacts": self.fewest_contacts or None,

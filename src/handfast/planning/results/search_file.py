@@ -18,7 +18,7 @@ from handfast.proofs.configurations import Existence
 from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
-REASONS = (  # that the file counts
+COUNTED_REASONS = (  # that the file counts
     RejectionReason.OBJECT,
     RejectionReason.ITSELF,
     RejectionReason.CURVED,
@@ -80,7 +80,7 @@ class SavedSearch(Strict):
     @property
     def tally(self) -> Tally:
         """What became of the certified starts."""
-        return Tally.from_json(self.fates, "holds", REASONS)
+        return Tally.from_json(self.fates, "holds", COUNTED_REASONS)
 
 
 def save_search(search: SavedSearch, path: str | Path) -> None:

@@ -17,7 +17,7 @@ from pydantic import Field
 from handfast.core.answer import Reach, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import SAME, Finite, Strict, read_json, validate
+from handfast.core.files import NUMBER_TOLERANCE, Finite, Strict, read_json, validate
 from handfast.geometry.contacts import find_contacts, grasp_of
 from handfast.geometry.scene import Scene
 from handfast.model.grasp import Grasp
@@ -40,14 +40,16 @@ from handfast.readers.load_hand import load_hand
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import digest, fingerprint, task_to_dict
 
-LONG = 60  # characters of a value that are shown
-SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
+MAX_VALUE_LENGTH = 60  # characters of a value that are shown
+COMPUTED_SIZE = (
+    1e-3  # what is computed in several steps has an error of this size times `NUMBER_TOLERANCE`, however small it is
+)
 
 FOLLOWS = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
-OF_OBJECT = "loads, friction, solids and centre of mass are those of the plan and of the object's file"
-OF_HAND = "contacts, joints and mechanism are those of the hand on the object"
-CLOSE = 1e-6  # [m] a contact lies as near to one that is measured
-NOT_REPLAYED = ("that links overlap no deeper than said: measured on convex pieces, like the contacts",)
+OBJECT_CLAIM = "loads, friction, solids and centre of mass are those of the plan and of the object's file"
+HAND_CLAIM = "contacts, joints and mechanism are those of the hand on the object"
+CONTACT_TOLERANCE = 1e-6  # [m] a contact lies as near to one that is measured
+PLAN_NOT_REPLAYED = ("that links overlap no deeper than said: measured on convex pieces, like the contacts",)
 
 # --- grasps for a task ------------------------------------------------------------------------------
 
@@ -144,7 +146,7 @@ def _commands_fault(grasp: Grasp, driven: list[str], asked: Requirements) -> str
     for name, value in grasp.preload.items():
         if name not in driven:
             return f"{name} is commanded, which was not asked for"
-        if asked.command_limit is not None and abs(value) > asked.command_limit * (1 + SAME):
+        if asked.command_limit is not None and abs(value) > asked.command_limit * (1 + NUMBER_TOLERANCE):
             return f"{name} is commanded {value:g}; the limit is {asked.command_limit:g}"
     return ""
 
@@ -158,8 +160,8 @@ def verify_planned(asked: Attempts, scene: Scene, found: PlannedGrasp) -> Replay
     Args:
         scene: of the hand and the object of `asked`.
     """
-    measured = Replay("geometry", OF_HAND, _planned_fault(asked, scene, found))
-    return Replay("grasp", parts=(replace(found.held.verify(), name="loads"), measured), not_replayed=NOT_REPLAYED)
+    measured = Replay("geometry", HAND_CLAIM, _planned_fault(asked, scene, found))
+    return Replay("grasp", parts=(replace(found.held.verify(), name="loads"), measured), not_replayed=PLAN_NOT_REPLAYED)
 
 
 class SceneEntry(Strict):
@@ -208,10 +210,10 @@ def measured_plan(folder: Path) -> Replay:
         if any(c.torsion != numbers.torsion for c in grasp.contacts):
             wrong = wrong or f"its torsion is not that of the plan, {numbers.torsion:g} m"
         wrong = wrong or ("margin" in entry and difference(times, entry["margin"], "margin")) or ""
-        parts.append(Replay(entry["grasp_file"], OF_HAND, wrong or _hand_fault(scene, q, place.pose, grasp)))
+        parts.append(Replay(entry["grasp_file"], HAND_CLAIM, wrong or _hand_fault(scene, q, place.pose, grasp)))
     if plan.get("contacts_file"):
-        parts.append(Replay(plan["contacts_file"], OF_OBJECT, _contacts_fault(folder, plan, made)))
-    return Replay("geometry", parts=tuple(parts), not_replayed=NOT_REPLAYED)
+        parts.append(Replay(plan["contacts_file"], OBJECT_CLAIM, _contacts_fault(folder, plan, made)))
+    return Replay("geometry", parts=tuple(parts), not_replayed=PLAN_NOT_REPLAYED)
 
 
 def _contacts_fault(folder: Path, plan: dict[str, Any], made: SceneEntry) -> str:
@@ -275,8 +277,8 @@ def touch_fault(scene: Scene, q: Array, pose: Array, grasp: Grasp) -> str:
     """
     measured = find_contacts(scene.hand, q, scene.body, pose, scene=scene)
     for k, c in enumerate(grasp.contacts):
-        near = [m for m in measured if m.link == c.link and np.abs(m.position - c.position).max() <= CLOSE]
-        if not any(np.abs(m.normal - c.normal).max() <= CLOSE and m.friction == c.friction for m in near):
+        near = [m for m in measured if m.link == c.link and np.abs(m.position - c.position).max() <= CONTACT_TOLERANCE]
+        if not any(np.abs(m.normal - c.normal).max() <= CONTACT_TOLERANCE and m.friction == c.friction for m in near):
             return f"contact {k} of {c.link}: hand and object do not touch there so"
     deep = max(c.depth for c in measured)
     return "" if deep <= PENETRATION else f"hand and object penetrate by {deep * 1e3:.3g} mm"
@@ -285,7 +287,7 @@ def touch_fault(scene: Scene, q: Array, pose: Array, grasp: Grasp) -> str:
 # --- JSON -------------------------------------------------------------------------------------------
 
 
-def difference(due: Any, said: Any, at: str, small: float = SMALL) -> str:
+def difference(due: Any, said: Any, at: str, small: float = COMPUTED_SIZE) -> str:
     """Where JSON is not what it should be: its path and both values, one line; '' if nowhere but for rounding.
 
     Numbers are compared by their difference: as a share of the largest in their list, or of `small` if that is larger.
@@ -304,7 +306,7 @@ def difference(due: Any, said: Any, at: str, small: float = SMALL) -> str:
         small = max([small, *(abs(x) for x in due if _is_number(x))])
         return next(filter(None, (difference(a, b, f"{at}[{i}]", small) for i, (a, b) in pairs)), "")
     if _is_number(due) and _is_number(said):
-        same = abs(due - said) <= SAME * max(small, abs(due))
+        same = abs(due - said) <= NUMBER_TOLERANCE * max(small, abs(due))
     else:
         same = type(due) is type(said) and due == said
     return "" if same else f"{at} is {_shown(said)}; of hand, configuration and question it is {_shown(due)}"
@@ -316,4 +318,4 @@ def _is_number(x: Any) -> bool:
 
 def _shown(x: Any) -> str:
     text = json.dumps(x)
-    return text if len(text) <= LONG else f"{text[:LONG]}..."
+    return text if len(text) <= MAX_VALUE_LENGTH else f"{text[:MAX_VALUE_LENGTH]}..."

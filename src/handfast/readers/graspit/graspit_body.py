@@ -25,7 +25,7 @@ from handfast.readers.registry import ObjectParts
 from handfast.readers.xml_file import numbers_in, read_xml
 
 MILLI = 1e-3  # [m/mm, kg/g]
-FULL = re.compile(r"\(([^()\[\]]*)\)\s*\[([^()\[\]]*)\]")
+TRANSFORM_PATTERN = re.compile(r"\(([^()\[\]]*)\)\s*\[([^()\[\]]*)\]")
 
 
 def parse(path: Path, roots: Sequence[str]) -> Element:
@@ -62,7 +62,7 @@ def pose_of(e: Element, field: str) -> Array:
         elif part.tag == "rotationMatrix":
             pose = pose @ transform(np.zeros(3), _orthonormal(numbers_in(text, 9, where), where))
         elif part.tag == "fullTransform":
-            match = FULL.fullmatch(text)
+            match = TRANSFORM_PATTERN.fullmatch(text)
             if not match:
                 raise InputError(f"is '{text}'; (w x y z)[x y z] is needed", field=where)
             rotation = quaternion_matrix(numbers_in(match[1], 4, where))

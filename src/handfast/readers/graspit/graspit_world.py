@@ -20,7 +20,7 @@ from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from handfast.readers.xml_file import numbers_in
 
-ROUNDING = 1e-4  # [rad, mm] by which a value may pass a limit: a world has six digits
+WORLD_ROUNDING = 1e-4  # [rad, mm] by which a value may pass a limit: a world has six digits
 LOG = logging.getLogger("handfast")
 
 
@@ -143,6 +143,6 @@ def _within(joint: ChainJoint, value: float) -> float:
     unit = MILLI if joint.type == "prismatic" else 1.0
     lower, upper = joint.limits
     value *= unit
-    if not lower - ROUNDING * unit <= value <= upper + ROUNDING * unit:
+    if not lower - WORLD_ROUNDING * unit <= value <= upper + WORLD_ROUNDING * unit:
         raise InputError(f"{joint.name} is {value:g}; the limits are [{lower:g}, {upper:g}]", field="dofValues")
     return min(max(value, lower), upper)

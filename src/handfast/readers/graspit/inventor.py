@@ -19,9 +19,9 @@ from handfast.core.transforms import transform
 from handfast.model.shape import Faces, Mesh
 from handfast.readers.graspit.scene_graph import SceneNode, parse_scene_graph
 
-LARGEST = 1 << 26  # [bytes] of a file
-DEEPEST = 8  # files that refer to files
-MOST = 10_000  # nodes that are visited: a node that is used again is visited again
+MAX_INVENTOR_BYTES = 1 << 26  # [bytes] of a file
+MAX_FILE_DEPTH = 8  # files that refer to files
+MAX_VISITED_NODES = 10_000  # nodes that are visited: a node that is used again is visited again
 IDENTITY = tuple(np.eye(4).ravel())
 SECTIONS = 48  # sides of a cylinder or cone
 
@@ -70,11 +70,11 @@ class _Reader:
 
     def file(self, path: Path, state: _State) -> None:
         try:
-            data = path.read_bytes() if path.stat().st_size <= LARGEST else None
+            data = path.read_bytes() if path.stat().st_size <= MAX_INVENTOR_BYTES else None
         except OSError as fault:
             raise InputError(f"cannot be read ({fault.strerror})", source=str(path)) from None
         if data is None:
-            raise InputError(f"is larger than {LARGEST >> 20} MiB", source=str(path))
+            raise InputError(f"is larger than {MAX_INVENTOR_BYTES >> 20} MiB", source=str(path))
         first = data[:60].split(b"\n")[0].strip()
         if not ((first.startswith(b"#Inventor V") and b"ascii" in first) or first.startswith(b"#VRML V")):
             right = "ASCII Inventor (#Inventor V2.1 ascii) and VRML (#VRML V1.0 ascii, #VRML V2.0 utf8) are read"
@@ -88,8 +88,8 @@ class _Reader:
 
     def visit(self, node: SceneNode, state: _State, vrml2: bool) -> None:
         self.visited += 1
-        if self.visited > MOST:
-            raise InputError(f"has more than {MOST} nodes, those that are used again counted again")
+        if self.visited > MAX_VISITED_NODES:
+            raise InputError(f"has more than {MAX_VISITED_NODES} nodes, those that are used again counted again")
         kind = node.kind
         if kind in SILENT:
             return
@@ -109,11 +109,11 @@ class _Reader:
         elif kind in ("Coordinate3", "VertexProperty"):
             state.points = node.table("point" if kind == "Coordinate3" else "vertex")
             return
-        elif kind in MOVES:
-            state.pose = state.pose @ MOVES[kind](node)
+        elif kind in NODE_TRANSFORMS:
+            state.pose = state.pose @ NODE_TRANSFORMS[kind](node)
             return
-        elif kind in SHAPES:
-            return self.add(node, state, *SHAPES[kind](node, state))
+        elif kind in NODE_MESHES:
+            return self.add(node, state, *NODE_MESHES[kind](node, state))
         else:
             raise InputError(f"has a node {kind}, which is not read; save the mesh as OBJ, STL, PLY or OFF")
         for child in inner:
@@ -123,8 +123,8 @@ class _Reader:
         name = node.word("name")
         if not name or Path(name).is_absolute() or "://" in name:
             raise InputError(f"refers to the file '{name}'; a relative path is needed")
-        if self.deep >= DEEPEST:
-            raise InputError(f"refers to files that refer to files, more than {DEEPEST} deep")
+        if self.deep >= MAX_FILE_DEPTH:
+            raise InputError(f"refers to files that refer to files, more than {MAX_FILE_DEPTH} deep")
         self.deep += 1
         self.file(self.path.parent / name.replace("\\", "/"), replace(state))
         self.deep -= 1
@@ -190,7 +190,7 @@ def _rotation_xyz(node: SceneNode) -> Array:
     return _turned(np.eye(3)["XYZ".index(axis)], node.numbers("angle", 1, (0,))[0])
 
 
-MOVES: dict[str, Callable[[SceneNode], Array]] = {
+NODE_TRANSFORMS: dict[str, Callable[[SceneNode], Array]] = {
     "Transform": _placed,
     "Translation": lambda node: transform(node.numbers("translation", 3, (0, 0, 0))),
     "Rotation": _rotation,
@@ -278,7 +278,7 @@ def _solid(node: SceneNode, state: _State) -> Mesh:
     return vertices, np.asarray(mesh.faces, dtype=np.int64)
 
 
-SHAPES: dict[str, Callable[[SceneNode, _State], Mesh]] = {
+NODE_MESHES: dict[str, Callable[[SceneNode, _State], Mesh]] = {
     "IndexedFaceSet": lambda node, state: (_points(node, state), _fans(_runs(node.integers("coordIndex")))),
     "IndexedTriangleStripSet": lambda node, state: (_points(node, state), _bands(_runs(node.integers("coordIndex")))),
     "FaceSet": _counted(_fans),

@@ -22,11 +22,13 @@ from handfast.model.shape import Shape
 from handfast.readers.graspit.graspit_body import MILLI, GraspitBody, pose_of, text_of, turned
 from handfast.readers.xml_file import numbers_in
 
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-VALUE = re.compile(rf"d(\d+)(?:\*({NUMBER}))?(?:([+-])({NUMBER}))?")  # of a joint: d0, d0*2, d0+30, d0*-.5+-30
+NUMBER_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+VALUE = re.compile(
+    rf"d(\d+)(?:\*({NUMBER_PATTERN}))?(?:([+-])({NUMBER_PATTERN}))?"
+)  # of a joint: d0, d0*2, d0+30, d0*-.5+-30
 JOINTS_OF = {"Fixed": 0, "Revolute": 1, "Prismatic": 1, "Universal": 2, "Ball": 3}  # that move a link
 MICRO = 1e-6  # GraspIt! counts forces in millionths of a newton, torques in millionths of a newton millimetre
-OFF, PAIR = "Off", "OverlappingPair"  # rules by which a link does not collide
+OFF_RULE, PAIR = "Off", "OverlappingPair"  # rules by which a link does not collide
 LOG = logging.getLogger("handfast")
 
 
@@ -172,7 +174,7 @@ def _add_chain(
         own = parts[used : used + JOINTS_OF[kind]]
         if len(own) < JOINTS_OF[kind]:
             raise InputError(f"is {kind}, and its chain has too few joints", field=f"link {name}")
-        shapes = () if _rule(e, name) == OFF else _shapes(folder, (e.text or "").strip(), name)
+        shapes = () if _rule(e, name) == OFF_RULE else _shapes(folder, (e.text or "").strip(), name)
         _add_link(links, joints, name, parent, base, own, shapes)
         base, parent, used = np.eye(4), len(links) - 1, used + len(own)
     if parts[used:]:
@@ -205,8 +207,8 @@ def _add_link(
 def _rule(e: Element, name: str) -> str:
     """The collision rule of a link, '' for the usual one: it collides with all but its neighbours."""
     rule = e.get("collisionRule", "").strip()
-    if rule not in ("", OFF, PAIR):
-        raise InputError(f"has collisionRule '{rule}'; known: {OFF}, {PAIR}", field=f"link {name}")
+    if rule not in ("", OFF_RULE, PAIR):
+        raise InputError(f"has collisionRule '{rule}'; known: {OFF_RULE}, {PAIR}", field=f"link {name}")
     return rule
 
 

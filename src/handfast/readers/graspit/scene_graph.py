@@ -16,8 +16,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 
 TOKEN = re.compile(r'#[^\n]*|"(?:[^"\\]|\\.)*"|[{}\[\]()|]|[^\s,{}\[\]()|"#]+|"', re.DOTALL)
-DEEPEST = 64  # nodes in nodes
-NUMBER = frozenset("+-.0123456789")
+MAX_NODE_DEPTH = 64  # nodes in nodes
+NUMBER_CHARACTERS = frozenset("+-.0123456789")
 
 
 @dataclass
@@ -77,7 +77,7 @@ def parse_scene_graph(text: str) -> list[SceneNode]:
 
     Raises:
         InputError: brackets that do not match, a name used before it was defined, prototypes, nodes more than
-            `DEEPEST` deep in each other.
+            `MAX_NODE_DEPTH` deep in each other.
     """
     return _Parser([t for t in TOKEN.findall(text) if not t.startswith("#")]).top()
 
@@ -132,8 +132,8 @@ class _Parser:
             name, token = self.take(), self.take()
         self.take("{")
         self.deep += 1
-        if self.deep > DEEPEST:
-            raise InputError(f"has nodes more than {DEEPEST} deep in each other")
+        if self.deep > MAX_NODE_DEPTH:
+            raise InputError(f"has nodes more than {MAX_NODE_DEPTH} deep in each other")
         node = SceneNode(token)
         while self.peek() != "}":
             if self.starts_node():
@@ -163,13 +163,13 @@ class _Parser:
             return [self.node()]
         if first == "" or first in "{}])|":
             return []
-        if first[0] not in NUMBER:
+        if first[0] not in NUMBER_CHARACTERS:
             words: list[str | SceneNode] = [self.take()]
             while self.peek() == "|":
                 self.take()
                 words.append(self.take())
             return words
         start = self.at
-        while self.peek()[:1] in NUMBER and self.peek():
+        while self.peek()[:1] in NUMBER_CHARACTERS and self.peek():
             self.at += 1
         return list(self.tokens[start : self.at])

@@ -20,7 +20,7 @@ from handfast.core.files import write_text
 from handfast.core.presented import Presented
 from handfast.proofs import answers, path_steps
 from handfast.proofs.certificate import Certificate, proof_to_dict
-from handfast.proofs.existence import TRIES, Proved, prove
+from handfast.proofs.existence import MODE_TRIES, Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
@@ -135,7 +135,7 @@ class Answer(Presented, ABC):
         """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
 
-    def _proved(self, w: Witness, until: float = np.inf, least: float = -np.inf, tries: int = TRIES) -> Proved:
+    def _proved(self, w: Witness, until: float = np.inf, least: float = -np.inf, tries: int = MODE_TRIES) -> Proved:
         """What is proved of a state, until [s] of `time.monotonic`; least, tries: see `prove`."""
         assert self.posed is not None
         p, x = self._problem(w), stated(w.state)
@@ -224,7 +224,7 @@ class Answer(Presented, ABC):
     def state_json(self) -> dict[str, Any]:
         """The witness by key, as `check` prints it; null without one that is proved."""
         if self.witness is None or self.posed is None or self.proved is None:
-            return dict(answers.NOTHING)
+            return dict(answers.UNPROVED_STATE)
         return answers.described(_grasp(self.posed, self.witness), stated(self.witness.state), self.proved)
 
     @property

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from handfast.stability.search.interval_search import ResistedInterval
 
-WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
-COLUMNS = ("lower", "upper", "unbounded", "residual", "verified", "nodes", "seconds")
+WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
+ANSWER_COLUMNS = ("lower", "upper", "unbounded", "residual", "verified", "nodes", "seconds")
 NUMERIC = {"unbounded": np.bool_, "verified": np.bool_, "nodes": np.int64}
 INTERRUPTED = "was not asked: Ctrl-C came first"
 
@@ -83,7 +83,7 @@ class BatchAnswer(Presented):
             raise InputError("is not installed; pip install 'handfast[pandas]'", source="pandas") from None
         place = np.indices(self.shape if len(self.shape) > 1 else (1, *self.shape))
         columns: dict[str, Any] = {"grasp": place[0].ravel(), "load": place[1].ravel()}
-        columns |= dict(zip(WRENCH, self.wrenches.reshape(-1, 6).T, strict=True))
+        columns |= dict(zip(WRENCH_COLUMNS, self.wrenches.reshape(-1, 6).T, strict=True))
         names = ["verdict", "lower", "upper", "unbounded", "residual", "stop", "verified", "nodes", "seconds", "error"]
         for name in names if self.attained is None else [*names, "attained"]:
             columns[name] = getattr(self, name).ravel()
@@ -109,7 +109,7 @@ class BatchAnswer(Presented):
             answers=tuple(each) if answers else None,
             attained=attained,
             intervals=tuple(i for part in parts for i in part.intervals) if interval else None,
-            **{name: whole(name) for name in (*COLUMNS, "verdict", "stop", "error")},
+            **{name: whole(name) for name in (*ANSWER_COLUMNS, "verdict", "stop", "error")},
         )
 
 
@@ -122,7 +122,7 @@ class AnswerRows(dict[str, Any]):
 
     def __init__(self, wrenches: Array, base: Array, error: str = "") -> None:
         k = len(wrenches)
-        super().__init__({name: np.zeros(k, NUMERIC.get(name, np.float64)) for name in COLUMNS})
+        super().__init__({name: np.zeros(k, NUMERIC.get(name, np.float64)) for name in ANSWER_COLUMNS})
         self["lower"][:] = self["upper"][:] = self["residual"][:] = np.nan
         self["verdict"], self["stop"], self["error"] = np.zeros(k, "U9"), np.zeros(k, "U11"), np.zeros(k, object)
         self["error"][:] = error

@@ -19,7 +19,7 @@ from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.search.solve import clock_of, time_left
 
-MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
+FIRST_NORMAL_FORCE = 10.0  # (scaled) normal forces tried first when nothing else bounds them
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ def ask(
         return check_along(p, settings, on_progress)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
         clock = clock_of(settings)
-        modest = any_state(CheckAnswer, replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_progress)
+        modest = any_state(CheckAnswer, replace(p, cn_max=min(p.cn_max, FIRST_NORMAL_FORCE)), settings, on_progress)
         if modest.verdict is Verdict.HOLDS:
             return modest
         settings = time_left(settings, clock)

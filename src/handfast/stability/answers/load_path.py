@@ -26,23 +26,23 @@ from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.existence import Proved
 from handfast.proofs.states import Problem, came_from
 from handfast.proofs.states import State as StateData
-from handfast.proofs.tolerance import ENDLESS, farthest
+from handfast.proofs.tolerance import UNBOUNDED_FACTOR, farthest
 from handfast.stability.answers.answer import Answer, any_state, witness_json
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.model import State, relative_motion
-from handfast.stability.problem.objective import ANY_STATE, LARGEST
+from handfast.stability.problem.objective import ANY_STATE, LARGEST_MAGNITUDE
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
 from handfast.stability.problem.witness import VALID, Witness
 from handfast.stability.search.solve import clock_of, solve, time_left
 
 A = TypeVar("A", bound=Answer)
-COUNTS = 1, 4, 16, 64  # steps to the whole load, or to where one step leads, until two paths in turn say the same
+STEP_COUNTS = 1, 4, 16, 64  # steps to the whole load, or to where one step leads, until two paths in turn say the same
 AGREE = 0.01  # relative: ends of two paths that differ by less are the same
-BEYOND = 2, 4, 8  # times the last step, where that is left open: farther on it may be shown to have no state
-ABOVE = 1 + 1e-9  # rounding
+STEP_FACTORS = 2, 4, 8  # times the last step, where that is left open: farther on it may be shown to have no state
+STEP_INFLATION = 1 + 1e-9  # rounding
 MOST_NODES = 4000  # for where one step leads, by which steps are only sized
 OTHER = 1e-6  # relative to the forces that act: states whose motions differ by less are the same
 
@@ -96,7 +96,7 @@ class LoadPath:
     steps: tuple[StepAnswer, ...]
     by_steps: dict[int, float] = field(default_factory=dict)
     other_choice: float | None = None
-    resolution: float = 1.0 / COUNTS[-1]
+    resolution: float = 1.0 / STEP_COUNTS[-1]
     nodes: int = 0
 
     @property
@@ -346,14 +346,14 @@ class Follower:
     def to_end(self, size: float, last: float, pick: Pick = shown) -> LoadPath:
         """The path in steps of a size at most, as far as it goes, or to the last magnitude; finer where it ends."""
         steps, magnitudes, gap = [self.step(self.whole.grasp, 0.0)], [0.0], self.settings.gap
-        step, asked, least = size, False, gap * last / ENDLESS
+        step, asked, least = size, False, gap * last / UNBOUNDED_FACTOR
         grasp = self.after(steps[0], 0.0, pick) if steps[0].verdict is Verdict.HOLDS else None
         while grasp is not None and magnitudes[-1] < last:
             here = magnitudes[-1]
             target = min(here + step, last)
-            found = self.step(grasp, target, prove=step <= gap * target * ABOVE)
+            found = self.step(grasp, target, prove=step <= gap * target * STEP_INFLATION)
             ends = found.verdict is Verdict.SLIPS or _is_open(found)  # rounding that left a step open ends no path
-            if ends and step > gap * target * ABOVE and step > least:
+            if ends and step > gap * target * STEP_INFLATION and step > least:
                 if asked:
                     step /= 2
                 else:  # just below where one step leads, or as finely as can be
@@ -362,7 +362,7 @@ class Follower:
                 step, asked = max(step, gap * here, least), True
                 continue
             found = found if found.verdict is not Verdict.SLIPS else self.step(grasp, target)
-            for factor in BEYOND if _is_open(found) else ():
+            for factor in STEP_FACTORS if _is_open(found) else ():
                 if _is_open(found):
                     target = min(here + factor * step, last)
                     found = self.step(grasp, target)
@@ -380,9 +380,9 @@ class Follower:
         left = time_left(self.settings, self.limits)
         left = replace(left, verify=False, nodes=min(left.nodes, MOST_NODES))
         within = (-end / along.direction_scale, -here / along.direction_scale)
-        found = solve(along, LARGEST, left, None, within=within)
+        found = solve(along, LARGEST_MAGNITUDE, left, None, within=within)
         self.nodes += found.nodes
-        lower = LARGEST.bounds(along, found.value, found.bound)[0] if found.witness is not None else 0.0
+        lower = LARGEST_MAGNITUDE.bounds(along, found.value, found.bound)[0] if found.witness is not None else 0.0
         return lower if lower > here else None
 
     def _path(self, steps: list[StepAnswer], magnitudes: list[float]) -> LoadPath:
@@ -433,10 +433,10 @@ def check_path(
     follower = Follower.of(p, settings, on_progress, rest)
     by_steps: dict[int, float] = {}
     before = None
-    for n in COUNTS:
+    for n in STEP_COUNTS:
         slipped, magnitudes = before is Verdict.SLIPS, np.linspace(0.0, 1.0, n + 1)
         # a path that ends here, by `same` below, is proved to
-        path = follower.along(magnitudes, prove=np.inf if n == COUNTS[-1] else magnitudes[-2] if slipped else 0.0)
+        path = follower.along(magnitudes, prove=np.inf if n == STEP_COUNTS[-1] else magnitudes[-2] if slipped else 0.0)
         by_steps[n], verdict = path.reached or 0.0, path.steps[-1].verdict
         # a last step, from near the whole load, may be too long: shorter ones may come to the end
         same = verdict is before and (verdict is Verdict.HOLDS or path.magnitudes[-1] < 1.0)
@@ -466,12 +466,12 @@ def path_end(
     by_steps: dict[int, float] = {}
     if not (p.f_c.any() or p.is_given):  # beside nothing but limits no search tells small magnitudes from none
         free = path_steps.is_scale_free(posed.question)
-        first = follower.along(np.array([0.0, last if free else settings.gap * last / ENDLESS]))
+        first = follower.along(np.array([0.0, last if free else settings.gap * last / UNBOUNDED_FACTOR]))
         if free or first.steps[-1].verdict is not Verdict.HOLDS:
             return replace(first, by_steps={1: first.reached or 0.0}, nodes=follower.nodes)
-    size = min(follower.one_step_end(grasp, 0.0, last) or last / ENDLESS, last)
+    size = min(follower.one_step_end(grasp, 0.0, last) or last / UNBOUNDED_FACTOR, last)
     before = None
-    for n in COUNTS[1:]:
+    for n in STEP_COUNTS[1:]:
         path = follower.to_end(size / n, last)
         end = by_steps[n] = path.reached or 0.0
         agree = before is not None and abs(end - before) <= AGREE * max(end, before)

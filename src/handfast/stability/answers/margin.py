@@ -23,7 +23,7 @@ FRAGILE_LEAN = 5.0  # so many times as far as its pads are squeezed, is fragile,
 FRAGILE_FRICTION = 0.1  # so is one that slips with friction changed by this share,
 FRAGILE_TILT = 2.5  # [degrees] or with normals tilted by this
 
-UNPROVED = (
+UNPROVED_CLAIMS = (
     "motion: that no equilibrium moves less is the search's word",
     "holds: the changed grasps that held had witnesses, which are not kept; of changes between them nothing is known",
     "limit, undecided, checks: what was tried is the course of the search",
@@ -156,7 +156,7 @@ class Margin:
         }
         found = {name: flip.fault(w, changed[name], self.limits) for name, flip in flips.items()}
         faults = (f"{name}: {fault}" for name, fault in found.items() if fault)
-        return Replay("margin", "", next(faults, ""), parts=(known, *proofs), not_replayed=UNPROVED)
+        return Replay("margin", "", next(faults, ""), parts=(known, *proofs), not_replayed=UNPROVED_CLAIMS)
 
     def to_json(self) -> dict[str, Any]:
         """The object under the key `margin` of a check."""

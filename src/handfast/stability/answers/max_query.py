@@ -14,7 +14,7 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
-from handfast.proofs.existence import TRIES, Proved, nearby
+from handfast.proofs.existence import MODE_TRIES, Proved, nearby
 from handfast.proofs.newton import NotShown, System
 from handfast.proofs.states import Modes, Problem
 from handfast.proofs.states import State as StateData
@@ -25,7 +25,14 @@ from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Objective
+from handfast.stability.problem.objective import (
+    ANY_STATE,
+    END_TOLERANCE,
+    INF,
+    LARGEST_MAGNITUDE,
+    SMALLEST_PRELOAD,
+    Objective,
+)
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.problem.witness import Witness
@@ -35,7 +42,7 @@ if TYPE_CHECKING:
     from handfast.stability.search.interval_search import ResistedInterval
     from handfast.stability.search.proof import Outcome
     from handfast.stability.search.supremum import Supremum
-NEAR = 1e-9  # relative: the exact state of a largest magnitude is so near the one that was found
+MAGNITUDE_TOLERANCE = 1e-9  # relative: the exact state of a largest magnitude is so near the one that was found
 Near = tuple[State, float]  # of a question that is nearly the same: a state, and the magnitude that it resists
 
 
@@ -121,9 +128,9 @@ class MaxAnswer(Answer):
         if not shown.exact:
             return self
         better = replace(self, found=at)
-        return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)))
+        return replace(better, lower=min(self.lower, p.magnitude * (1 - MAGNITUDE_TOLERANCE)))
 
-    def _proved(self, w: Witness, until: float = INF, least: float | None = None, tries: int = TRIES) -> Proved:
+    def _proved(self, w: Witness, until: float = INF, least: float | None = None, tries: int = MODE_TRIES) -> Proved:
         return super()._proved(w, until, self.lower if least is None else least, tries)
 
     def _reaches(self, proved: Proved) -> bool:
@@ -229,7 +236,7 @@ def max_goal(p: ScaledProblem) -> Objective:
     """How a maximum is posed: limits and a base load break homogeneity; without commands, or anything that is given to
     joints, there is only yes or no."""
     if p.limits.limits_forces or p.w0.any():  # limits also of backdrivable motors, which have no row
-        return LARGEST
+        return LARGEST_MAGNITUDE
     return SMALLEST_PRELOAD if p.f_c.any() or p.is_given else ANY_STATE
 
 
@@ -265,7 +272,7 @@ def shown_maximum(posed: BoundProblem, found: Outcome) -> MaxAnswer:
         verdict, end = Verdict.HOLDS, p.last_magnitude
         if goal.has_scalar:
             lower, upper = goal.bounds(p, found.value, found.bound)
-            unbounded = bool(lower >= end * (1 - NEAR_END))
+            unbounded = bool(lower >= end * (1 - END_TOLERANCE))
             w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
         else:
             lower, unbounded, w = end, True, _scaled(w, end, p.grasp)
@@ -273,7 +280,7 @@ def shown_maximum(posed: BoundProblem, found: Outcome) -> MaxAnswer:
         if lower == 0 and not p.w0.any():  # rest without a load says nothing of any magnitude
             verdict, w = Verdict.UNDECIDED, None
     backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
-    backing |= {"lower": lower * (1 - NEAR), "upper": upper, "unbounded": unbounded}
+    backing |= {"lower": lower * (1 - MAGNITUDE_TOLERANCE), "upper": upper, "unbounded": unbounded}
     return MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, **backing)
 
 

@@ -23,17 +23,17 @@ from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.objective import ANY_STATE, INF
 from handfast.stability.problem.settings import OnStep, Progress, Settings
-from handfast.stability.search.solve import LEAST, clock_of
+from handfast.stability.search.solve import MIN_SEARCH_TIME, clock_of
 
-FACTORS = 1.00001, 1.001, 1.02, 1.25, 2.0  # above the level at which a path ends
-STRONG = 10.0  # times the load: a level to begin with where nothing else is known
-HALVINGS = 60  # of a level at most
+LEVEL_FACTORS = 1.00001, 1.001, 1.02, 1.25, 2.0  # above the level at which a path ends
+FIRST_LEVEL = 10.0  # times the load: a level to begin with where nothing else is known
+LEVEL_HALVINGS = 60  # of a level at most
 CHANGES = 0.0, 0.5, 0.8, 1.25  # of single commands
-FINER = 0.95, 1.05
-ROUNDS = 3  # of changes at most
-TOGETHER = 20_000  # nodes for the least commands of commands and load together
-BETTER = 0.98  # of the least so far: a change of single commands that does not come so far is not followed
-SEARCH = 0.75  # share of the time for finding commands; the rest bounds them
+FINE_CHANGES = 0.95, 1.05
+CHANGE_ROUNDS = 3  # of changes at most
+COMBINED_NODES = 20_000  # nodes for the least commands of commands and load together
+COMMAND_PROGRESS = 0.98  # of the least so far: a change of single commands that does not come so far is not followed
+SEARCH_SHARE = 0.75  # share of the time for finding commands; the rest bounds them
 BOUND = 30.0  # [s] for the bound at most
 
 Commands = dict[str, float]
@@ -76,7 +76,7 @@ class PathTorques:
         self.grasp, self.posed, self.names, self.settings = grasp, posed, names, settings
         self.together, self.on_progress, self.nodes = together, on_progress, 0
         self.total = clock_of(settings)
-        self.clock = SearchLimits(SEARCH * self.total.seconds_left)
+        self.clock = SearchLimits(SEARCH_SHARE * self.total.seconds_left)
         self.p = posed.problem
         sense = {n: float(np.sign(grasp.preload.get(n, 1.0)) or 1.0) for n in names}
         self.senses = np.array([sense.get(n, 0.0) for n in grasp.mechanism.actuators])
@@ -113,7 +113,7 @@ class PathTorques:
 
     def limited(self, verify: bool = False, **others: Any) -> Settings:
         """Settings of a part of the search."""
-        return replace(self.settings, timeout=max(self.clock.seconds_left, LEAST), verify=verify, **others)
+        return replace(self.settings, timeout=max(self.clock.seconds_left, MIN_SEARCH_TIME), verify=verify, **others)
 
     def holds(self, commands: Commands) -> bool:
         """Is the load reached on its path? The best are kept."""
@@ -140,14 +140,14 @@ class PathTorques:
             return
         for shape, level in self.shapes():
             self.ray(shape, level)
-        for factors in (CHANGES, FINER):
+        for factors in (CHANGES, FINE_CHANGES):
             self.changed(factors)
 
     def shapes(self) -> Iterator[tuple[Commands, float | None]]:
         """Directions of commands to be followed, each with its level if that is one to begin with."""
         own = {n: self.grasp.preload.get(n, 0.0) for n in self.names}
         yield own, self.cost(own)
-        least, nodes = self.together(self.limited(nodes=min(self.settings.nodes, TOGETHER)))
+        least, nodes = self.together(self.limited(nodes=min(self.settings.nodes, COMBINED_NODES)))
         self.nodes += nodes
         if least:
             yield least, self.cost(least)
@@ -170,18 +170,18 @@ class PathTorques:
             return
         self.tried.add(key)
         if self.best is not None:
-            high = BETTER * self.upper
+            high = COMMAND_PROGRESS * self.upper
             if not self.holds(scaled(unit, high)):
                 return
         else:
             first = self.first_level(unit, level)
-            levels = [] if first is None else [first * factor for factor in FACTORS]
+            levels = [] if first is None else [first * factor for factor in LEVEL_FACTORS]
             found = next((x for x in levels if self.holds(scaled(unit, x))), None)
             if found is None:
                 return
             high = found
         low = 0.0
-        for k in range(HALVINGS):
+        for k in range(LEVEL_HALVINGS):
             if high - low <= self.settings.gap * high or self.clock.late:
                 return
             middle = max(high * (1 - self.settings.gap * 4.0**k), 0.5 * (low + high))  # near the level at first
@@ -206,16 +206,16 @@ class PathTorques:
             self.counted(path)
             end = path.reached
             return 1.0 / end if end else None
-        start = STRONG * float(np.abs(load).max()) if level is None else level
+        start = FIRST_LEVEL * float(np.abs(load).max()) if level is None else level
         for factor in (1.0, 4.0, 0.25, 16.0, 1 / 16):
             if self.holds(scaled(unit, start * factor)):
-                return start * factor / FACTORS[0]
+                return start * factor / LEVEL_FACTORS[0]
         return None
 
     def changed(self, factors: tuple[float, ...]) -> None:
         """Single commands of the best times these factors, as long as that needs less."""
         better = len(self.names) > 1
-        for _ in range(ROUNDS):
+        for _ in range(CHANGE_ROUNDS):
             if not (better and self.best) or self.clock.late:
                 return
             better = False
@@ -228,7 +228,7 @@ class PathTorques:
                         continue
                     before = self.upper
                     shape = scaled(other, 1.0 / size)
-                    if self.holds(scaled(shape, BETTER * before)):
+                    if self.holds(scaled(shape, COMMAND_PROGRESS * before)):
                         self.ray(shape)
                         better = True
 

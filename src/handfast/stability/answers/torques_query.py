@@ -23,12 +23,12 @@ from handfast.stability.problem.objective import INF, Effort, Objective, Smalles
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.search.reduced import LEAST_COMMAND
-from handfast.stability.search.solve import MANY, clock_of, held_under, solve, time_left, without_end
+from handfast.stability.search.solve import ANY_STATE_NODES, clock_of, held_under, solve, time_left, without_end
 
 if TYPE_CHECKING:
     from handfast.stability.search.proof import Outcome
 
-MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
+COMMAND_RAISES = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ def _found(
     clock: SearchLimits,
 ) -> Iterator[Outcome]:
     """The least commands that were found, raised by a little so that they hold by more than luck, the best first."""
-    finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
+    finer = replace(settings, gap=(1 - 2 * COMMAND_RAISES[-1]) * settings.gap)  # leaves room for raising the commands
     found = solve(p, goal, finer, on_progress, refuted=False)
     if found.bound == INF:
         beyond = solve(p, goal, time_left(finer, clock), on_progress, endless=True) if not clock.late else None
@@ -191,14 +191,18 @@ def _found(
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)
-        for share in MORE:
+        for share in COMMAND_RAISES:
             raised = grasp.with_preload(np.where(back, command, (1 + settings.gap * share) * command))
-            few = replace(settings, nodes=min(settings.nodes, MANY)) if share < MORE[-1] else settings
+            few = (
+                replace(settings, nodes=min(settings.nodes, ANY_STATE_NODES))
+                if share < COMMAND_RAISES[-1]
+                else settings
+            )
             held = held_under(raised, p, few, found, clock)
             if held is not None:
                 yield held
     yield found
-    left = min(settings.nodes - found.nodes, MANY + 2 * found.nodes)
+    left = min(settings.nodes - found.nodes, ANY_STATE_NODES + 2 * found.nodes)
     if found.stop in (Stop.COMPLETE, Stop.NUMERICAL) and found.bound < INF and left > 0 and not clock.late:
         yield _carrying(p, goal, replace(time_left(settings, clock), nodes=left), found)
 

@@ -30,7 +30,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
-from handfast.model.grasp import LARGEST, Grasp, GraspJoint
+from handfast.model.grasp import MAX_GRASP_SIZE, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.start import Start
 from handfast.proofs.fields import not_zero
@@ -327,11 +327,13 @@ class _Replacing:
     def _check_size(self, sliders: int) -> None:
         g, a = self.grasp, len(self.kept)
         more = len(self.stops) + 2 * sliders
-        if 3 * g.m + g.l + sliders + 2 * (a + more) > LARGEST:
+        if 3 * g.m + g.l + sliders + 2 * (a + more) > MAX_GRASP_SIZE:
             sizes = (
                 f"{g.m} contacts, {g.l} joints and {a} actuators, and {sliders} joints rub and {len(self.stops)} stop"
             )
-            right = f"3 x contacts + joints + 2 x actuators + 5 x rubbing + 2 x stopping may be {LARGEST} at most"
+            right = (
+                f"3 x contacts + joints + 2 x actuators + 5 x rubbing + 2 x stopping may be {MAX_GRASP_SIZE} at most"
+            )
             raise InputError(f"has {sizes}, too many to search; {right}", field="grasp")
 
     def _assembled(self, sliders: list[tuple[Array, float, float]], arms: Array) -> EquivalentGrasp:

@@ -39,7 +39,7 @@ from handfast.stability.problem.model import (
     turning,
 )
 
-LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
+EXACT_SUM_THRESHOLD = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
 VANISHING = 1e-100  # numbers below are scaled up before anything is squared
 
 
@@ -88,7 +88,7 @@ def _arms(grasp: AnyGrasp) -> _Arms:
         joints=arms,
         actuators=actuators,
         units=joint_units(grasp),
-        rounded=reach / grasp.spacing > LARGE,
+        rounded=reach / grasp.spacing > EXACT_SUM_THRESHOLD,
         at_contact=np.concatenate([one, turns, forces, arms, 1 / arms, 1 / actuators, couplings], axis=-1),
         slip=np.divide(arms[..., None, :], np.abs(mech.A), out=np.zeros(mech.A.shape), where=mech.A != 0),
         moves=commanded(grasp, np.zeros(mech.a)),
@@ -117,7 +117,7 @@ def linear_sums(grasp: AnyGrasp, w: Array, state: State | StateRows, force: Any)
     )
     parts = np.concatenate([x.r, x.c, x.q, x.reaction, x.f, x.coupling], axis=-1)
     largest = (np.abs(parts) * own.at_contact).max(axis=-1)
-    exact = (largest / force > LARGE) | own.rounded
+    exact = (largest / force > EXACT_SUM_THRESHOLD) | own.rounded
     if not np.any(exact):
         return sums
     if isinstance(x, State):

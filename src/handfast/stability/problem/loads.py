@@ -18,7 +18,7 @@ from handfast.core.presented import Presented
 if TYPE_CHECKING:
     from handfast.model.body import Body
 
-AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+LOAD_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +100,10 @@ class Loads(Presented):
             InputError: the mass is unknown, a direction of another name, or zero.
         """
         if isinstance(directions, str):
-            directions = AXES if directions == "all" else [directions]
+            directions = LOAD_AXES if directions == "all" else [directions]
         if not hasattr(directions, "__iter__"):
             raise InputError(
-                f"is {directions}; all, {', '.join(AXES)} or vectors (n, 3) are needed", field="directions"
+                f"is {directions}; all, {', '.join(LOAD_AXES)} or vectors (n, 3) are needed", field="directions"
             )
         names, vectors = [], []
         for k, d in enumerate(directions):
@@ -170,8 +170,8 @@ def _axis_name(name: str) -> str:
 
 def _axis(name: str) -> Array:
     """(3,) unit vector of a direction such as "-z" or "x"."""
-    if _axis_name(name) not in AXES:
-        raise InputError(f"is '{name}'; all, {', '.join(AXES)} or a vector is needed", field="gravity")
+    if _axis_name(name) not in LOAD_AXES:
+        raise InputError(f"is '{name}'; all, {', '.join(LOAD_AXES)} or a vector is needed", field="gravity")
     sign = -1.0 if name[0] == "-" else 1.0
     return sign * np.eye(3)["xyz".index(name[-1])]
 

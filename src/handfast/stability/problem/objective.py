@@ -24,10 +24,12 @@ from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.witness import Witness
 
 INF = float("inf")
-FARTHER = 1e3  # times the usual end of magnitudes, where nothing is resisted up to there: commands still count there
+COMMAND_END_FACTOR = (
+    1e3  # times the usual end of magnitudes, where nothing is resisted up to there: commands still count there
+)
 HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
 STRONGEST = 1e3  # (scaled) commands that are sought go as far
-NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
+END_TOLERANCE = 1e-6  # relative: what is so near the end of a search is at it
 NO_MAGNITUDE = 1e-10  # magnitudes, in other forces in play, that count as none
 NO_COMMAND = 1e-8  # (scaled) by which commands may differ that count as the same
 
@@ -197,7 +199,7 @@ class SmallestPreload(Objective):
         return (1.0 / hi if hi > 0 else INF), (1.0 / lo if lo > 0 else INF)
 
     def search_range(self, p: ScaledProblem, *, endless: bool = False) -> Range:
-        return 1.0 / ((FARTHER if endless else 1.0) * p.search_end), INF if endless else HIGHEST
+        return 1.0 / ((COMMAND_END_FACTOR if endless else 1.0) * p.search_end), INF if endless else HIGHEST
 
     def scalar_unit(self, p: ScaledProblem) -> float:
         return 1.0 / p.direction_scale
@@ -285,16 +287,16 @@ class SmallestCommands(Objective):
         return float(np.abs(command).max(initial=0.0) if self.effort == "max" else np.abs(command).sum())
 
 
-ANY_STATE, SMALLEST_PRELOAD, LARGEST = AnyState(), SmallestPreload(), LargestMagnitude()
+ANY_STATE, SMALLEST_PRELOAD, LARGEST_MAGNITUDE = AnyState(), SmallestPreload(), LargestMagnitude()
 SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS = SmallestCommands("max"), SmallestCommands("sum")
 GOALS: tuple[Objective, ...] = (
     ANY_STATE,
     SMALLEST_PRELOAD,
-    LARGEST,
+    LARGEST_MAGNITUDE,
     SMALLEST_LARGEST_COMMAND,
     SMALLEST_SUM_OF_COMMANDS,
 )
-WORDS = tuple(dict.fromkeys(goal.word for goal in GOALS))
+GOAL_WORDS = tuple(dict.fromkeys(goal.word for goal in GOALS))
 
 
 def named(word: str, effort: Effort = "max") -> Objective:

@@ -21,8 +21,8 @@ from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import State
 
-BALANCED = 1e-9  # relative: forces that miss a disturbance by less balance it
-ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
+BALANCE_TOLERANCE = 1e-9  # relative: forces that miss a disturbance by less balance it
+UNBOUNDED_DISTURBANCE = 1e4  # a disturbance this many times the other forces in play counts as unbounded
 RUBS = 0.1  # share of a joint's dry friction that is a force in play: it is the most that may act, not what acts
 
 
@@ -140,8 +140,9 @@ class ScaledProblem:
 
     @property
     def search_end(self) -> float:
-        """The scaled magnitude at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
-        return ENDLESS * self.strongest / (self.direction_scale * self.size_of(self.along))
+        """The scaled magnitude at which the search for a maximum ends: `UNBOUNDED_DISTURBANCE` times the other forces
+        in play."""
+        return UNBOUNDED_DISTURBANCE * self.strongest / (self.direction_scale * self.size_of(self.along))
 
     @property
     def last_magnitude(self) -> float:
@@ -151,7 +152,7 @@ class ScaledProblem:
     @property
     def unit_magnitude(self) -> float:
         """The magnitude at which a disturbance that is sought is as large as the other forces in play."""
-        return self.last_magnitude / ENDLESS
+        return self.last_magnitude / UNBOUNDED_DISTURBANCE
 
     @property
     def command_unit(self) -> float:
@@ -377,7 +378,7 @@ def scales(
         direction = np.where(others > 0, 2.0 ** np.round(np.log2(others / size)), 1.0)
     force = np.where(others > 0, others, size)
     strongest = np.maximum(force, max([*_limits(grasp, limits), same.largest_friction]))
-    return Scales(force, direction, ENDLESS * strongest / size)
+    return Scales(force, direction, UNBOUNDED_DISTURBANCE * strongest / size)
 
 
 @lru_cache(maxsize=8)  # of a grasp that is asked again and again
@@ -440,7 +441,10 @@ def _lengths(length: Any) -> Array:
     return np.where(np.arange(6) < 3, 1.0, 1.0 / _wide(length))
 
 
-LEAST, MOST = 1e-100, 1e100  # of the largest number of a direction, and of any disturbance: squares stay numbers
+MIN_DISTURBANCE, MAX_DISTURBANCE = (
+    1e-100,
+    1e100,
+)  # of the largest number of a direction, and of any disturbance: squares stay numbers
 
 
 def as_wrench(w: object, field: str = "wrench") -> Array:
@@ -461,15 +465,15 @@ def as_wrench(w: object, field: str = "wrench") -> Array:
     if not np.isfinite(a).all():
         raise InputError("contains NaN or infinity; six finite numbers are needed", field=field)
     largest = np.abs(a).max()
-    if largest > MOST:
-        raise InputError(f"has {largest:.3g}; numbers up to {MOST:g} are possible", field=field)
+    if largest > MAX_DISTURBANCE:
+        raise InputError(f"has {largest:.3g}; numbers up to {MAX_DISTURBANCE:g} are possible", field=field)
     return a
 
 
 def as_direction(direction: object) -> Array:
     """(6,) `as_wrench` of a direction. Raises `InputError` for one that is zero."""
     d = as_wrench(direction, "direction")
-    if not np.abs(d).max() >= LEAST:
+    if not np.abs(d).max() >= MIN_DISTURBANCE:
         raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
     return d
 
@@ -478,13 +482,13 @@ def beyond_range(G: Array, w: Array) -> int | None:
     """The rank of G (6, 3m) if no contact forces whatever could balance w (6,), else None; lengths scaled alike."""
     with suppress(np.linalg.LinAlgError):  # forces that do balance it settle most questions
         c = np.linalg.solve(G @ G.T, w) @ G
-        if np.abs(G @ c - w).max() <= BALANCED * np.abs(w).max():
+        if np.abs(G @ c - w).max() <= BALANCE_TOLERANCE * np.abs(w).max():
             return None
     U, sv, _ = np.linalg.svd(G)
     if len(sv) == 6 and sv[5] >= 1e-9 * sv[0]:
         return None
     out = U[:, (np.r_[sv, np.zeros(6 - len(sv))] < 1e-9 * sv[0])]
-    beyond = out.size and np.abs(out.T @ w).max() > BALANCED * max(np.abs(w).max(), 1e-300)
+    beyond = out.size and np.abs(out.T @ w).max() > BALANCE_TOLERANCE * max(np.abs(w).max(), 1e-300)
     return 6 - out.shape[1] if beyond else None
 
 

@@ -31,16 +31,29 @@ EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
 # what is sought
 ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
 # places in `WorkerState.counts`
-COUNTS = NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES, SETTLED = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+WORKER_COUNTS = NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES, SETTLED = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+)
 
 # what became of a row that is one of many, see `kernel.batch_loop`
 UNASKED, HELD, NONE, HARD, LIMITED = 0, 1, 2, 3, 4
 
-KEPT = 64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
-PATCH = 22  # numbers of a patch, see `kernel.patch`
+KEPT_WORKING_SETS = (
+    64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
+)
+PATCH_SIZE = 22  # numbers of a patch, see `kernel.patch`
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 MANY_ACTUATORS = 12  # that may move, from which on the children of several parts are tried where proofs are replayed
-TRIED = 8  # parts whose children are tried before a node is split at one of them, where commands are sought
+TRIED_SPLITS = 8  # parts whose children are tried before a node is split at one of them, where commands are sought
 CHILDREN = 9  # of a node at most: a soft finger sticks, or slides in one of eight octants
 
 
@@ -79,7 +92,7 @@ class WorkerState(NamedTuple):
     hi: Reals  # (P,) upper bounds of the plain base values, of which the first is the cut
     best: Reals  # (2,) smallest objective found, and the violation below which Newton's method is tried
     best_z: Reals  # (n,) the incumbent
-    counts: Wholes  # (10,) see `COUNTS`
+    counts: Wholes  # (10,) see `WORKER_COUNTS`
     guesses: RealMatrix  # (., n) points to start Newton's method from, at the root
     heap: Wholes  # the nodes that wait, smallest rank first
 
@@ -98,7 +111,7 @@ class Pool(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Working sets to be gone on from, in `KEPT` + 1 places; see `WorkingSet`."""
+    """Working sets to be gone on from, in `KEPT_WORKING_SETS` + 1 places; see `WorkingSet`."""
 
     owner: WholeMatrix  # (2, .) whose it is, and its age
     ids: WholeMatrix  # (., n)
@@ -187,7 +200,7 @@ class QuestionRows(NamedTuple):
 @lru_cache(maxsize=64)
 def worker_layout(P: int, n: int, guesses: int, heap: int) -> Layout[WorkerState]:
     """heap: how many nodes may wait."""
-    shapes: dict[str, Shape] = {"hi": (P,), "best": (2,), "best_z": (n,), "counts": (len(COUNTS),)}
+    shapes: dict[str, Shape] = {"hi": (P,), "best": (2,), "best_z": (n,), "counts": (len(WORKER_COUNTS),)}
     return Layout(WorkerState, shapes | {"guesses": (guesses, n), "heap": (heap,)})
 
 
@@ -211,18 +224,18 @@ class WorkspaceLayout:
     @lru_cache(maxsize=64)
     def of(cls, m: int, a: int, F: int, n: int, forces: int, motions: int, P: int) -> WorkspaceLayout:
         """forces, motions: how many there are with what fills them up."""
-        N, most, places = whole_vectors(n), 5 * m + 2 * a + P, KEPT + 1
+        N, most, places = whole_vectors(n), 5 * m + 2 * a + P, KEPT_WORKING_SETS + 1
         values: dict[str, Shape] = {"z": (n,), "c": (forces,), "d": (motions,)}
         kept: dict[str, Shape] = {"owner": (2, places), "ids": (places, n), "rhs": (places, n)}
         node: dict[str, Shape] = {"state": (3 * m + a,), "children": (CHILDREN, 3), "skip": (m + a + P,)}
-        of_parts: dict[str, Shape] = {"missing": (m + a,), "tried": (TRIED,), "share": (TRIED,)}
+        of_parts: dict[str, Shape] = {"missing": (m + a,), "tried": (TRIED_SPLITS,), "share": (TRIED_SPLITS,)}
         rows: dict[str, Shape] = {"ids": (n + 1,), "rhs": (n,), "matrix": (n, n), "inverse": (n, N), "y": (n + 1,)}
         room: dict[str, Shape] = {
             "age": (1,),
             "order": (n,),
             "pivot": (2 * N,),
             "delta": (N,),
-            "gradient": (8 + PATCH,),
+            "gradient": (8 + PATCH_SIZE,),
         }
         modes: dict[str, Shape] = {"modes": (m,), "drives": (a,), "side": (F - 3 * m - 2 * a,)}
         equations: dict[str, Shape] = {"gradients": (5, 8), "jacobian": (most, n)}
@@ -230,7 +243,7 @@ class WorkspaceLayout:
         vectors: dict[str, Shape] = dict.fromkeys(("start", "step", "trial", "unit", "first"), (n,))
         return cls(
             kept=Layout(Kept, kept | {"matrix": (places, n, n), "inverse": (places, n, N)}),
-            node=Layout(NodeAtHand, node | {"trig": (m, PATCH), "violation": (3,), "normal": (m,)} | of_parts),
+            node=Layout(NodeAtHand, node | {"trig": (m, PATCH_SIZE), "violation": (3,), "normal": (m,)} | of_parts),
             working_set=Layout(WorkingSet, values | rows | room | {"entering": (n,), "column": (n,)}),
             refinement=Layout(Refinement, values | modes | equations | vectors),
         )

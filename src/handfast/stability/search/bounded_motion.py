@@ -19,11 +19,11 @@ from handfast.stability.search import arrays
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import INF, Search
 
-CAP = 2e4  # force scales
-FARTHER = 2e6, 2e8  # in turn, before it is said that no state exists up to a cap, or none with smaller commands
-FIRST = 4096  # nodes of the other search when it is helped first, then whenever it has twice as many
+MOTION_CAP = 2e4  # force scales
+FARTHER_CAPS = 2e6, 2e8  # in turn, before it is said that no state exists up to a cap, or none with smaller commands
+FIRST_HELP_NODES = 4096  # nodes of the other search when it is helped first, then whenever it has twice as many
 STALLED = 1e-6  # relative: a bound that has moved by less while the nodes became four times as many makes no progress
-SHARE = 0.25  # of the other search's nodes, where any state is sought and no bound shows whether there is progress
+HELP_SHARE = 0.25  # of the other search's nodes, where any state is sought and no bound shows whether there is progress
 
 
 @dataclass(eq=False)
@@ -49,9 +49,9 @@ class Capped:
     bounds: bool
     beyond: Callable[[float, int, float], Array | None]
     search: Search | None = None
-    cap: float = CAP
+    cap: float = MOTION_CAP
     better: Array | None = None
-    due: int = FIRST // 2
+    due: int = FIRST_HELP_NODES // 2
     before: tuple[float, ...] = ()
     made: list[Search] = field(default_factory=list)
 
@@ -84,7 +84,7 @@ class Capped:
         still = len(self.before) > 1 and bound <= self.before[-2] + STALLED * abs(bound)
         self.before = (*self.before, bound)
         if len(self.before) > 1 and (still or other.best == INF):
-            s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), limits)
+            s = self.run(other.z, min((HELP_SHARE if self.any else 1.0) * self.due, node_limit), limits)
             if s.z is not None:
                 other.set_incumbent(s.z)
         self.due *= 2
@@ -101,7 +101,7 @@ class Capped:
 
         Where commands are sought, or nothing was found, the bound is that of the farthest cap that gives one.
         """
-        s, most = self.search, int(min(max(nodes, FIRST), node_limit))
+        s, most = self.search, int(min(max(nodes, FIRST_HELP_NODES), node_limit))
         if self.any or not self.bounds or s is None:
             return not self.bounds and self.better is not None
         if s.z is not None and not self.other.goal.seeks_commands:
@@ -117,7 +117,7 @@ class Capped:
 
     def farther(self, point: Array | None, node_limit: float, limits: SearchLimits) -> Iterator[Search]:
         """Searches up to caps that are farther away, in turn, each with so many nodes, all within the time."""
-        for cap in FARTHER:
+        for cap in FARTHER_CAPS:
             yield replace(self, cap=cap, search=None).run(point, node_limit, limits)
 
     def run(self, point: Array | None, node_limit: float, limits: SearchLimits) -> Search:

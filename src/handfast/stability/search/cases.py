@@ -22,13 +22,13 @@ from handfast.stability.search.rows import (
     OPEN,
     SLIDE,
     STICK,
-    TURN,
+    TURN_DIRECTIONS,
     UNDECIDED,
 )
 
-AT_REST = {FREE: LOCKED, BELOW: LOW, ABOVE: HIGH}  # of actuators that are not decided: the case besides MOVES
-SMALLEST = 1 << 30  # patches from this number on stay as they are
-NARROW = 64  # sectors that are no wider than this, in grid steps, stay as they are
+REST_STATES = {FREE: LOCKED, BELOW: LOW, ABOVE: HIGH}  # of actuators that are not decided: the case besides MOVES
+FINEST_PATCH = 1 << 30  # patches from this number on stay as they are
+MIN_SECTOR_WIDTH = 64  # sectors that are no wider than this, in grid steps, stay as they are
 
 
 def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[int, list[Indices]]:
@@ -36,10 +36,10 @@ def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[
 
     robust: open contacts have sectors, too. soft: (m,) which contacts are soft fingers, which slide in patches.
     """
-    free = np.flatnonzero(np.isin(state[3 * m :], list(AT_REST)))
+    free = np.flatnonzero(np.isin(state[3 * m :], list(REST_STATES)))
     if len(free):
         j = int(free[0])
-        return _changed(state, m, m + j, [(AT_REST[int(state[3 * m + j])], 0, 0), (MOVES, 0, 0)])
+        return _changed(state, m, m + j, [(REST_STATES[int(state[3 * m + j])], 0, 0), (MOVES, 0, 0)])
     width = np.where(soft, 0, state[2 * m : 3 * m] - state[m : 2 * m])
     if mdp and (soft & (state[:m] == CLOSED)).any():
         i = int(np.flatnonzero(soft & (state[:m] == CLOSED))[0])
@@ -48,7 +48,7 @@ def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[
     if mdp and whole.any():
         i = int(np.flatnonzero(whole)[0])
         kind = SLIDE if state[i] == CLOSED else OPEN
-        left, right = (int(state[m + i]), int(state[2 * m + i])) if width[i] else (0, TURN)
+        left, right = (int(state[m + i]), int(state[2 * m + i])) if width[i] else (0, TURN_DIRECTIONS)
         ends = [left + k * (right - left) // 3 for k in range(4)]
         sectors = [(kind, a, b) for a, b in itertools.pairwise(ends)]
         stuck = [(STICK, *((left, right) if width[i] else (0, 0)))] if kind == SLIDE else []
@@ -56,12 +56,12 @@ def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[
     undecided = np.flatnonzero(state[:m] == UNDECIDED)
     if len(undecided):
         return _changed(state, m, int(undecided[0]), [(CLOSED, 0, 0), (OPEN, 0, 0)])
-    patches = np.where(soft & (state[:m] == SLIDE), state[m : 2 * m], SMALLEST)
-    if m and patches.min() < SMALLEST:
+    patches = np.where(soft & (state[:m] == SLIDE), state[m : 2 * m], FINEST_PATCH)
+    if m and patches.min() < FINEST_PATCH:
         i = int(patches.argmin())
         return _changed(state, m, i, [(SLIDE, 2 * int(patches[i]) + k, 0) for k in (0, 1)])
     i = int(width.argmax()) if m else 0
-    if not m or width[i] <= NARROW:
+    if not m or width[i] <= MIN_SECTOR_WIDTH:
         return -1, []
     left, right = int(state[m + i]), int(state[2 * m + i])
     cut = (left + right) // 2

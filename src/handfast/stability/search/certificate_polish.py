@@ -17,15 +17,15 @@ import numpy as np
 from handfast.core.arrays import Array, Mask
 from handfast.proofs import rows
 from handfast.proofs.cases import leaf_cases
-from handfast.proofs.certificate import ROWS, Certificate
+from handfast.proofs.certificate import ROW_ARRAYS, Certificate
 from handfast.proofs.equations import Equations, RightSide, equations_of
 from handfast.proofs.fields import Integers
-from handfast.proofs.kinds import TURN, ActuatorState, ContactState, Row
+from handfast.proofs.kinds import TURN_DIRECTIONS, ActuatorState, ContactState, Row
 from handfast.proofs.rows import STILL_ACTUATORS, Columns, LeafRows
 
 TANGENTS = 8  # directions, besides those that the leaf's own ray has
-ROOM = 1.01  # by which a multiplier grows faster than what may be missed
-AWAY = 1e-3  # from 0, in rays whose contradiction is 1
+MULTIPLIER_GROWTH = 1.01  # by which a multiplier grows faster than what may be missed
+MAX_RAY_SLACK = 1e-3  # from 0, in rays whose contradiction is 1
 
 Rays = tuple[Integers, Integers, Integers, Integers, Array]  # kind, index, a, b, multiplier
 
@@ -45,7 +45,7 @@ def with_rays(c: Certificate, rays: Sequence[Rays]) -> Certificate:
         c,
         start=start,
         multiplier=short if np.array_equal(short, y) else y,
-        **dict(zip(ROWS, columns, strict=True)),  # type: ignore[arg-type]
+        **dict(zip(ROW_ARRAYS, columns, strict=True)),  # type: ignore[arg-type]
     )
 
 
@@ -101,7 +101,9 @@ def _ray(c: Certificate, leaf: int, case: Integers, equations: Equations, side: 
         return None
     w, free = w[: len(F)] / unit, program.free[: len(F)]
     w = np.where(free, w, np.maximum(w, 0.0))
-    kinds = np.array([OPPOSITE.get(int(k), int(k)) if y < 0 else int(k) for k, y in zip(some.kind, w, strict=True)])
+    kinds = np.array(
+        [OPPOSITE_KINDS.get(int(k), int(k)) if y < 0 else int(k) for k, y in zip(some.kind, w, strict=True)]
+    )
     used = w != 0
     return kinds[used], some.index[used], some.a[used], some.b[used], np.abs(w)[used]
 
@@ -153,7 +155,7 @@ class _Program:
         if pushed is not None:
             half, faster = np.zeros((2, 1, K + S + A))
             half[0, K + S :] = self.slack[missed] + end * self.growth[missed]
-            faster[0, K + S :], faster[0, :K] = ROOM * self.growth[missed], -self.first
+            faster[0, K + S :], faster[0, :K] = MULTIPLIER_GROWTH * self.growth[missed], -self.first
             bounded += [above, below, half, *([faster] if pushed else [])]
             ends += [np.zeros(2 * A), np.array([0.5]), *([np.zeros(1)] if pushed else [])]
         found = linprog(
@@ -162,14 +164,14 @@ class _Program:
             b_ub=np.concatenate(ends),
             A_eq=equal,
             b_eq=np.r_[np.zeros(len(equal) - 1), 1.0],
-            bounds=[(None, None) if f else (0, None) for f in free] + [(0, AWAY)] * S + [(0, None)] * A,
+            bounds=[(None, None) if f else (0, None) for f in free] + [(0, MAX_RAY_SLACK)] * S + [(0, None)] * A,
             method="highs",
         )
         return None if found.x is None else np.asarray(found.x[:K])
 
 
 # the other inequality of an equation
-OPPOSITE = {
+OPPOSITE_KINDS = {
     int(x): int(y)
     for p, q in (
         (Row.GAP_UP, Row.GAP_DOWN),
@@ -185,9 +187,13 @@ OPPOSITE = {
 
 def _of_soft_finger(i: int, state: int, number: int) -> list[tuple[int, int, int, int]]:
     """Kind, index, a, b of the rows that soft finger i has besides, in patch `number` where it slides."""
-    steps = range(0, TURN, TURN // TANGENTS)
-    rows = [(int(Row.SOFT_TANGENT), i, a, b) for a in steps for b in (-TURN // 8 % TURN, 0, TURN // 8)]
-    rows += [(int(Row.SOFT_TANGENT), i, 0, b) for b in (TURN // 4, 3 * TURN // 4)]
+    steps = range(0, TURN_DIRECTIONS, TURN_DIRECTIONS // TANGENTS)
+    rows = [
+        (int(Row.SOFT_TANGENT), i, a, b)
+        for a in steps
+        for b in (-TURN_DIRECTIONS // 8 % TURN_DIRECTIONS, 0, TURN_DIRECTIONS // 8)
+    ]
+    rows += [(int(Row.SOFT_TANGENT), i, 0, b) for b in (TURN_DIRECTIONS // 4, 3 * TURN_DIRECTIONS // 4)]
     if state == ContactState.STICK:
         rows.append((int(Row.TURN_UP), i, 0, 0))
     if state == ContactState.SLIDE:
@@ -204,7 +210,7 @@ def _candidates(c: Certificate, leaf: int, case: Integers) -> tuple[Integers, In
         out += [(Row.CN_UP, i, 0, 0)]
         if q.grasp.lever[i] > 0:
             out += _of_soft_finger(i, state, left)
-        out += [(Row.TANGENT, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
+        out += [(Row.TANGENT, i, k * TURN_DIRECTIONS // TANGENTS, 0) for k in range(TANGENTS)]
         if state == ContactState.OPEN:
             out += [(Row.DN_UP, i, left, right), (Row.CN_DOWN, i, 0, 0)]
             continue
@@ -218,7 +224,7 @@ def _candidates(c: Certificate, leaf: int, case: Integers) -> tuple[Integers, In
         if left != right and state >= ContactState.CLOSED:
             out += [(Row.C_LEFT, i, left, 0), (Row.C_RIGHT, i, 0, right)]
         if state >= ContactState.CLOSED and q.eta > 0:
-            out += [(Row.GAP_DOWN, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
+            out += [(Row.GAP_DOWN, i, k * TURN_DIRECTIONS // TANGENTS, 0) for k in range(TANGENTS)]
     for j, state in enumerate(case[m:, 0].tolist()):
         out += [(Row.T_UP, j, 0, 0), (Row.E_UP, j, 0, 0), (Row.S_UP, j, 0, 0)]
         if state in STILL_ACTUATORS or not q.may_move[j]:
@@ -231,7 +237,7 @@ def _candidates(c: Certificate, leaf: int, case: Integers) -> tuple[Integers, In
     known = set(out)
     for r in range(c.start[leaf], c.start[leaf + 1]):
         row = int(c.kind[r]), int(c.index[r]), int(c.a[r]), int(c.b[r])
-        if row not in known and (OPPOSITE.get(row[0], row[0]), *row[1:]) not in known:
+        if row not in known and (OPPOSITE_KINDS.get(row[0], row[0]), *row[1:]) not in known:
             out.append(row)
     kind, index, a, b = np.array(out, dtype=np.int64).T
     return kind, index, a, b

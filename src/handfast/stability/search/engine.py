@@ -13,27 +13,27 @@ from handfast.core.answer import SearchLimits, Stop
 from handfast.core.arrays import Array
 from handfast.core.parallel import default_jobs
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, Objective, Range
+from handfast.stability.problem.objective import ANY_STATE, END_TOLERANCE, INF, LARGEST_MAGNITUDE, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Progress, Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
-from handfast.stability.search.bounded_motion import FIRST, Capped
+from handfast.stability.search.bounded_motion import FIRST_HELP_NODES, Capped
 from handfast.stability.search.certificate_polish import Rays
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.proof import Outcome, Proof
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import Search, exact_solution
 
-FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
-LEAST = 1e-3  # [s] in the time that is left, or this
+FINER_GAPS = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
+MIN_SEARCH_TIME = 1e-3  # [s] in the time that is left, or this
 # share of the time for the search itself where a number is sought: what waits is closed, and the proof is replayed, in
 # the rest; that takes as long as the search
 SEARCHING, REPLAYED = 0.9, 0.5
-BEST, TURN = 3, 2048  # searches that go on in turn where no box does well, and nodes of their first turn
-ROUNDS = 8  # in which leaves that are not proved without a cap are split
-INSIDE = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
-PAUSE = 0.05  # [s] between two reports of progress
+BEST, FIRST_TURN_NODES = 3, 2048  # searches that go on in turn where no box does well, and nodes of their first turn
+SPLIT_ROUNDS = 8  # in which leaves that are not proved without a cap are split
+WITNESS_INSET = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
+REPORT_INTERVAL = 0.05  # [s] between two reports of progress
 
 
 def search(
@@ -66,13 +66,13 @@ def search(
         guess = [*guess, np.zeros(len(r.cost))]  # nothing acts: nothing moves
 
     def beyond(value: float, nodes: int, seconds: float) -> Array | None:
-        return _beyond(r, value, replace(settings, nodes=nodes, timeout=max(seconds, LEAST), verify=False))
+        return _beyond(r, value, replace(settings, nodes=nodes, timeout=max(seconds, MIN_SEARCH_TIME), verify=False))
 
     beside = Capped(r, *_gaps(r, goal, settings), settings.jobs or default_jobs(), bounds=capped, beyond=beyond)
     tries = settings.verify and r.may_try
     out = _search(p, goal, settings, on_progress, replace(r, tries=tries), limits, beside, guess)
     again = [settings.gap] * tries  # in another order, without trials
-    for gap in (*again, *(g for g in FINER if g < settings.gap)):  # the tolerances of programs go with the gap
+    for gap in (*again, *(g for g in FINER_GAPS if g < settings.gap)):  # the tolerances of programs go with the gap
         nodes = settings.nodes - out.nodes
         if out.stop is not Stop.NUMERICAL or nodes <= 0 or limits.late:
             break
@@ -83,7 +83,7 @@ def search(
     if beside.better is not None and out.stop is not Stop.COMPLETE:
         out = _improved(r, out, beside.better, out.stop)
     if out.stop is Stop.NUMERICAL and goal.maximised and -INF < out.bound < out.value and not limits.late:
-        out = _below_bound(r, out, replace(settings, timeout=max(limits.seconds_left, LEAST)))
+        out = _below_bound(r, out, replace(settings, timeout=max(limits.seconds_left, MIN_SEARCH_TIME)))
     stop = Stop.TIME if out.stop is Stop.NUMERICAL and limits.late else out.stop
     return replace(out, stop=stop, seconds=time.monotonic() - start)
 
@@ -130,7 +130,7 @@ def _search(
             yield s, INF
         for turn in itertools.count():  # programs break down wherever they begin: on with those that do best, in turn
             for s in sorted(searches, key=lambda s: s.trouble)[:BEST]:
-                yield s, TURN * 2.0**turn
+                yield s, FIRST_TURN_NODES * 2.0**turn
 
     shown, bound = start, -INF
     try:
@@ -139,7 +139,7 @@ def _search(
             s.node_limit = settings.nodes - spent
             s.time_limit = searching.seconds_left
             for state in s:
-                if on_progress and (state.stop or time.monotonic() - shown > PAUSE):
+                if on_progress and (state.stop or time.monotonic() - shown > REPORT_INTERVAL):
                     shown = time.monotonic()
                     bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
                     nodes = spent + state.nodes
@@ -158,7 +158,7 @@ def _search(
 
 def _gaps(r: Reduced, goal: Objective, settings: Settings) -> tuple[float, float]:
     """Relative and absolute distance of value and bound at which a search may stop."""
-    gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
+    gap = settings.gap * (1 - 2 * WITNESS_INSET)  # leaves room for rounding, and for a witness inside
     return goal.gaps(gap)
 
 
@@ -170,7 +170,7 @@ def _to_cap(beside: Capped, goal: Objective, settings: Settings, limits: SearchL
     spent = beside.nodes
     if not beside.possible or not beside.bounds:
         return found
-    nodes = min(max(found.nodes, FIRST), settings.nodes - found.nodes)
+    nodes = min(max(found.nodes, FIRST_HELP_NODES), settings.nodes - found.nodes)
     try:
         s = beside.run(found.point, nodes, limits)
         if beside.any and s.stop is Stop.COMPLETE and s.z is None:
@@ -198,16 +198,16 @@ def _outcome(s: Search, goal: Objective, settings: Settings, limits: SearchLimit
     found = None if s.z is None else r.witness(r.point(s.z))
     z, best, refused = s.z, s.best, found is not None and not found.valid
     if refused and goal.maximised:  # all forces may vanish there, but for rounding
-        below = _just_below(r.p, s.best, replace(settings, timeout=max(limits.seconds_left, LEAST)))
+        below = _just_below(r.p, s.best, replace(settings, timeout=max(limits.seconds_left, MIN_SEARCH_TIME)))
         if below is not None:
-            z, best, found, refused = None, s.best * (1 - INSIDE * settings.gap), below, False
+            z, best, found, refused = None, s.best * (1 - WITNESS_INSET * settings.gap), below, False
     if refused:  # the judge has the last word; everything the search cut off by it is open again
         return Outcome(INF, -INF, None, Stop.NUMERICAL, limits.seconds, spent + s.nodes)
     value = best * r.scale
     shown = s.end if found else INF
     bound = r.scale * (shown if stop is Stop.COMPLETE else s.close(limits.end))
     first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
-    at_end = found is not None and first > -INF and s.best <= first + NEAR_END * abs(first)
+    at_end = found is not None and first > -INF and s.best <= first + END_TOLERANCE * abs(first)
     if not goal.has_scalar:
         value, bound = (0.0, -INF) if found else (INF, bound)
     elif goal.seeks_commands and found and (s.best <= s.gap_absolute or s.end < r.lo[0]):
@@ -233,7 +233,7 @@ def _outcome(s: Search, goal: Objective, settings: Settings, limits: SearchLimit
 
 def _just_below(p: ScaledProblem, best: float, settings: Settings) -> Witness | None:
     """A witness a little inside the largest magnitude, of the objective best, found anew."""
-    s = LARGEST.magnitude(p, best) * (1 - INSIDE * settings.gap)
+    s = LARGEST_MAGNITUDE.magnitude(p, best) * (1 - WITNESS_INSET * settings.gap)
     return _resisting(p, s, replace(settings, verify=False)) if s > 0 else None
 
 
@@ -250,7 +250,7 @@ def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
     """
     if value == 0:
         return None
-    return _at(r, r.goal.magnitude(r.p, value) * (1 + INSIDE * settings.gap), settings)
+    return _at(r, r.goal.magnitude(r.p, value) * (1 + WITNESS_INSET * settings.gap), settings)
 
 
 def _below_bound(r: Reduced, out: Outcome, settings: Settings) -> Outcome:
@@ -291,7 +291,7 @@ def _proved(s: Search, settings: Settings, limits: SearchLimits) -> tuple[Proof 
         return proof, False
     best: Proof | None = None
     known: dict[bytes, Rays] = {}
-    for _ in range(ROUNDS):
+    for _ in range(SPLIT_ROUNDS):
         proof, ok, unproved = proof.checked(limits.end, known)
         if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
             best = proof
@@ -310,7 +310,7 @@ def _proved(s: Search, settings: Settings, limits: SearchLimits) -> tuple[Proof 
 
 def _inside(r: Reduced, z: Array, value: float, gap: float, found: Witness) -> tuple[Array, float, Witness]:
     """The witness a little inside the largest magnitude: at the very end, rounding decides whether it is resisted."""
-    little = INSIDE * gap * (1 if value > 0 else -1)
+    little = WITNESS_INSET * gap * (1 if value > 0 else -1)
     near = replace(r, lo=np.r_[value * (1 + little), r.lo[1:]])
     inner = exact_solution(near, z, hold=True)
     if inner is None:

@@ -13,11 +13,14 @@ import numpy as np
 
 from handfast.core.arrays import Array, Mask
 
-SIZE = 4  # numbers of a cone
-STEPS = 60
+CONE_SIZE = 4  # numbers of a cone
+INTERIOR_POINT_STEPS = 60
 CENTRED = 0.1  # relative: how near the path its end is
-SHORT = 0.99  # of the longest step
-FEASIBLE, OPTIMAL = 1e-11, 1e-8  # relative: what x may miss of being inside, and multipliers of the smallest
+STEP_FRACTION = 0.99  # of the longest step
+FEASIBILITY_TOLERANCE, OPTIMALITY_TOLERANCE = (
+    1e-11,
+    1e-8,
+)  # relative: what x may miss of being inside, and multipliers of the smallest
 UNFELT = 1e-12  # coefficients that are none
 SIGNS = np.array([1.0, -1.0, -1.0, -1.0])
 
@@ -36,7 +39,7 @@ class Cones:
     @classmethod
     def at_least(cls, rows: Array, offset: Array) -> Cones:
         """offset (K,) + rows (K, n) x >= 0."""
-        out = cls(np.zeros((len(rows), SIZE, rows.shape[1])), np.zeros((len(rows), SIZE)))
+        out = cls(np.zeros((len(rows), CONE_SIZE, rows.shape[1])), np.zeros((len(rows), CONE_SIZE)))
         out.rows[:, 0], out.offset[:, 0] = rows, offset
         return out
 
@@ -86,18 +89,21 @@ def minimum(cones: Cones, cost: Array, quadratic: Array, end: float) -> Array | 
 def _followed(G: Array, h: Array, cost: Array, quadratic: Array, end: float) -> Array | None:
     """The end of the path to the smallest x^T quadratic x / 2 + cost @ x with h (K, 4) - G x in the cones."""
     K = len(h)
-    unit = np.zeros((K, SIZE))
+    unit = np.zeros((K, CONE_SIZE))
     unit[:, 0] = 1.0
     x: Array = _lowest(quadratic + G.T @ G, cost - G.T @ h.ravel())
-    s = h - (G @ x).reshape(K, SIZE)
+    s = h - (G @ x).reshape(K, CONE_SIZE)
     z = -s
     s, z = _moved_inside(s), _moved_inside(z)
     scale = 1.0 + float(np.abs(h).max()), 1.0 + float(np.abs(cost).max())
-    for _ in range(STEPS):
+    for _ in range(INTERIOR_POINT_STEPS):
         mu = float((s * z).sum()) / K
         missing_x = quadratic @ x + cost + G.T @ z.ravel()
-        missing_s = s + (G @ x).reshape(K, SIZE) - h
-        small = np.abs(missing_s).max() <= FEASIBLE * scale[0] and np.abs(missing_x).max() <= OPTIMAL * scale[1]
+        missing_s = s + (G @ x).reshape(K, CONE_SIZE) - h
+        small = (
+            np.abs(missing_s).max() <= FEASIBILITY_TOLERANCE * scale[0]
+            and np.abs(missing_x).max() <= OPTIMALITY_TOLERANCE * scale[1]
+        )
         if small and (np.abs((s * z).sum(axis=1) - end) <= CENTRED * end).all():
             return x
         if not mu > 0:
@@ -113,7 +119,7 @@ def _followed(G: Array, h: Array, cost: Array, quadratic: Array, end: float) -> 
         centre = max((1 - a) ** 3 * mu, end)
         correction = max(1 - centre / mu, 0.0) * _product(wds, wdz)  # none of a step that goes to the centre alone
         dx, wdz, wds = newton.step(square + correction - centre * unit)
-        a = min(1.0, SHORT * min(_longest(scaled, wds), _longest(scaled, wdz)))
+        a = min(1.0, STEP_FRACTION * min(_longest(scaled, wds), _longest(scaled, wdz)))
         x = x + a * dx
         s, z = s + a * _times(W, wds), z + a * _times(inverse, wdz)
         if not (np.isfinite(x).all() and np.isfinite(s).all() and np.isfinite(z).all()):

@@ -22,7 +22,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.ranges import Arc, Known, known
 from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, Objective, Range
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
@@ -67,14 +67,14 @@ class ResistedInterval:
         }
 
 
-DEGREE = 6  # of arcs, where a straight line does not do
-FINEST = 1e-8  # of the resolution: narrower ranges are not halved
+ARC_DEGREE = 6  # of arcs, where a straight line does not do
+MIN_RANGE_SHARE = 1e-8  # of the resolution: narrower ranges are not halved
 SWITCH = 1e-14  # relative: contacts and actuators change their modes between two magnitudes as near as this at least
-TOGETHER = 1e-8  # relative: so near each other a state may do for both
-CLOSE = 1e-6  # relative: so near each other states of different modes may be joined
+SHARED_STATE_WIDTH = 1e-8  # relative: so near each other a state may do for both
+JOINING_DISTANCE = 1e-6  # relative: so near each other states of different modes may be joined
 NO_FORCE = 1e-9  # (scaled) forces and motions that are none
-LEAST = 1e-6  # relative gap of searches
-MOST = 4000  # ranges that are looked at
+MIN_SEARCH_GAP = 1e-6  # relative gap of searches
+MAX_RANGES = 4000  # ranges that are looked at
 
 
 def resisted(
@@ -116,9 +116,9 @@ class _Magnitudes:
         self.p, self.goal, self.settings, self.least = p, goal, settings, least
         self.arcs: list[Arc] = []
         self.slips: list[Certificate] = []
-        self.r: Reduced = reduce(p, LARGEST)
+        self.r: Reduced = reduce(p, LARGEST_MAGNITUDE)
         self.worker = SearchWorker.of(self.r)
-        self.question = BoundProblem(p, LARGEST).question
+        self.question = BoundProblem(p, LARGEST_MAGNITUDE).question
         self.start = time.monotonic()
 
     def known(self, largest: float, upper: float) -> Known:
@@ -155,7 +155,7 @@ class _Magnitudes:
     def _settle(self, a: float, za: Array, b: float, zb: Array) -> None:
         """Show as much as possible of the magnitudes between two that are resisted, with their points."""
         todo = [(a, za, b, zb)]
-        for _ in range(MOST):
+        for _ in range(MAX_RANGES):
             if not todo or time.monotonic() - self.start > self.settings.timeout:
                 return
             a, za, b, zb = todo.pop(max(range(len(todo)), key=lambda i: todo[i][2] - todo[i][0]))
@@ -166,7 +166,9 @@ class _Magnitudes:
                 u, zu, v, zv = switch
                 todo += [(v, zv, b, zb), (a, za, u, zu)]
                 continue
-            if b - a < FINEST * self.settings.gap * max(b, self.p.unit_magnitude) or self._branches(a, za, b, zb):
+            if b - a < MIN_RANGE_SHARE * self.settings.gap * max(b, self.p.unit_magnitude) or self._branches(
+                a, za, b, zb
+            ):
                 continue
             m = (a + b) / 2 if b < 4 * a or a == 0 else np.sqrt(a * b)
             zm = self._at(m, za + (m - a) / (b - a) * (zb - za))
@@ -204,12 +206,12 @@ class _Magnitudes:
         """Is there an arc between two points that solves the model all along? It is kept."""
         if self._arc(a, b, [za, zb]):
             return True
-        if b - a < TOGETHER * b and (self._arc(a, b, [za, za]) or self._arc(a, b, [zb, zb])):
+        if b - a < SHARED_STATE_WIDTH * b and (self._arc(a, b, [za, za]) or self._arc(a, b, [zb, zb])):
             return True  # states of different kinds, nearer than any witness can tell
         if self._modes(za) != self._modes(zb):
             return False
         points = []
-        for t in near.nodes(DEGREE):
+        for t in near.nodes(ARC_DEGREE):
             z = za if t == 0 else zb if t == 1 else self._at(a + t * (b - a), za + t * (zb - za))
             if z is None:
                 return False
@@ -238,7 +240,7 @@ class _Magnitudes:
         if modes == self._modes(zb):
             return None
         while b - a > SWITCH * b:
-            if b - a < CLOSE * b and self._arc(a, b, [za, zb]):
+            if b - a < JOINING_DISTANCE * b and self._arc(a, b, [za, zb]):
                 return a, za, b, zb
             m = (a + b) / 2
             z = self._at(m, za + (m - a) / (b - a) * (zb - za)) if a < m < b else None
@@ -268,7 +270,7 @@ class _Magnitudes:
 
     def _quick(self, share: float = INF) -> Settings:
         """Of searches whose proofs nobody asks for; share: relative width of the range."""
-        gap = max(min(self.settings.gap / 2, share / 8), LEAST)
+        gap = max(min(self.settings.gap / 2, share / 8), MIN_SEARCH_GAP)
         return replace(self.settings, verify=False, gap=gap, timeout=self._left)
 
     def _search(self, p: ScaledProblem, goal: Objective, settings: Settings, within: Range | None = None) -> Outcome:
@@ -292,7 +294,7 @@ class _Magnitudes:
 
         No point if none is resisted, no magnitude above which none is if m itself is.
         """
-        if m - a < 8 * LEAST * m:  # no search tells the two apart
+        if m - a < 8 * MIN_SEARCH_GAP * m:  # no search tells the two apart
             a = m
         found = self._search(self.p, self.goal, self._quick((m - a) / m), self._within(a, m))
         if found.bound == INF:
@@ -310,7 +312,9 @@ class _Magnitudes:
         """Below which magnitude none from m on is resisted, the smallest that is, and its point; None if unknown."""
         p = self.p
         back = replace(p, direction=-p.direction, along=-p.along)
-        found = self._search(back, LARGEST, self._quick((b - m) / b), (m / p.direction_scale, b / p.direction_scale))
+        found = self._search(
+            back, LARGEST_MAGNITUDE, self._quick((b - m) / b), (m / p.direction_scale, b / p.direction_scale)
+        )
         if found.witness is None:
             return None
         s, low = found.value * p.direction_scale, found.bound * p.direction_scale
@@ -328,4 +332,4 @@ class _Magnitudes:
 
 def _apart(a: Array, b: Array) -> bool:
     """Are two points different solutions?"""
-    return float(np.abs(a - b).max()) > CLOSE * float(np.abs(b).max())
+    return float(np.abs(a - b).max()) > JOINING_DISTANCE * float(np.abs(b).max())

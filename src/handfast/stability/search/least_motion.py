@@ -20,19 +20,25 @@ from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.objective import ANY_STATE
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search.reduced import Reduced, padded, reduce
-from handfast.stability.search.same_modes import ROOM, least_in_same_modes
+from handfast.stability.search.same_modes import ALIKE_MOTION, least_in_same_modes
 from handfast.stability.search.search import Search
 
-SHARES = 0.75, 0.9  # of the least motion so far, in which a search looks for another; 0.75 is surely less in length
-FAR, FARTHER = 4.0, 16.0  # times the largest force: a motion that is far; so many times as far is the next bound
+MOTION_SHARES = (
+    0.75,
+    0.9,
+)  # of the least motion so far, in which a search looks for another; 0.75 is surely less in length
+FAR_MOTION, MOTION_CAP_GROWTH = (
+    4.0,
+    16.0,
+)  # times the largest force: a motion that is far; so many times as far is the next bound
 NODE_LIMIT = 200
 MOST_BOUNDS = 255  # that a search tells apart
 _GOLDEN = (1 + 5**0.5) / 2
 # (6, 3) the six axes of an icosahedron: bounds along them are nearly a ball, however contact frames are turned
-AXES = np.array(
+ICOSAHEDRON_AXES = np.array(
     [(0, 1, _GOLDEN), (0, -1, _GOLDEN), (1, _GOLDEN, 0), (-1, _GOLDEN, 0), (_GOLDEN, 0, 1), (_GOLDEN, 0, -1)]
 )
-AXES /= np.hypot(1, _GOLDEN)
+ICOSAHEDRON_AXES /= np.hypot(1, _GOLDEN)
 
 
 def least_motion(found: Witness, limits: GraspLimits | None = None) -> Witness:
@@ -50,7 +56,7 @@ def least_motion(found: Witness, limits: GraspLimits | None = None) -> Witness:
         return found
     r = reduce(p, ANY_STATE)
     best = least_in_same_modes(r, found)
-    if len(r.lo) + 2 * p.sizes[0] * len(AXES) > MOST_BOUNDS:
+    if len(r.lo) + 2 * p.sizes[0] * len(ICOSAHEDRON_AXES) > MOST_BOUNDS:
         return best
     while True:
         better = (w for bound in _bounds(best) if (w := _moving_less(r, best, bound)) is not None)
@@ -62,19 +68,22 @@ def least_motion(found: Witness, limits: GraspLimits | None = None) -> Witness:
 
 def _bounds(best: Witness) -> Iterator[float]:
     """[N] of motions, within which a search looks for less than the best: from that of its forces on, if it is far."""
-    farthest = SHARES[0] * best.largest_motion
-    bound = FAR * float(best.state.c[::3].max())
+    farthest = MOTION_SHARES[0] * best.largest_motion
+    bound = FAR_MOTION * float(best.state.c[::3].max())
     while 0 < bound < farthest:
         yield bound
-        bound *= FARTHER
-    yield from (share * best.largest_motion for share in SHARES)
+        bound *= MOTION_CAP_GROWTH
+    yield from (share * best.largest_motion for share in MOTION_SHARES)
 
 
 def _moving_less(r: Reduced, best: Witness, bound: float) -> Witness | None:
-    """An equilibrium that moves less than the best, at each contact at most by a bound [N] along each of `AXES`."""
+    """An equilibrium that moves less than the best, at each contact at most by a bound [N] along each of
+    `ICOSAHEDRON_AXES`."""
     p, bound = r.p, bound / r.p.force
     motions = np.vstack([np.hstack([p.G.T, np.zeros(p.J.shape)]), np.hstack([p.G.T, -p.J])]) @ r.M
-    rows = np.einsum("ak,ikn->ian", AXES, motions.reshape(-1, 3, motions.shape[1])).reshape(-1, motions.shape[1])
+    rows = np.einsum("ak,ikn->ian", ICOSAHEDRON_AXES, motions.reshape(-1, 3, motions.shape[1])).reshape(
+        -1, motions.shape[1]
+    )
     at = 3 * len(p.mu) + len(r.active)  # behind what the model moves, before the balance of energy
     D = np.insert(r.D, at, np.hstack([rows, np.zeros((len(rows), r.D.shape[1] - rows.shape[1]))]), axis=0)
     where = len(r.lo) - (len(r.D) - at)
@@ -94,4 +103,4 @@ def _moving_less(r: Reduced, best: Witness, bound: float) -> Witness | None:
         return None
     other = replace(best, state=p.unscale(r.point(s.z)))
     other = least_in_same_modes(r, other) if other.valid else best
-    return other if other.largest_motion < (1 - ROOM) * best.largest_motion else None
+    return other if other.largest_motion < (1 - ALIKE_MOTION) * best.largest_motion else None

@@ -28,14 +28,14 @@ from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import StateRows
-from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Objective
+from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, LARGEST_MAGNITUDE, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.arrays import CHILDREN, HARD, HELD, LIMITED, NONE, UNASKED, QuestionRows, pool_layout
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.reduced import (
+    EQUATION_TOLERANCE,
     PERTURBATION,
-    SOLVED,
     Reduced,
     equilibrium,
     noise,
@@ -43,7 +43,7 @@ from handfast.stability.search.reduced import (
     pseudo_inverse,
     reduce,
 )
-from handfast.stability.search.search import SLICE, SPARE, SearchWorker
+from handfast.stability.search.search import SLICE_NODES, SPARE, SearchWorker
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Template:
             raise ValueError("soft fingers are asked about one by one")
         r = reduce(p, goal, within=(1.0 / (reach * p.search_end), INF) if reach else None)
         E = equilibrium(p, goal)
-        if goal != LARGEST:
+        if goal != LARGEST_MAGNITUDE:
             return cls(r, E, r.solve, np.zeros(0), reach)
         bare = E[:, :-1]  # without the scalar, the last of y where there are no efforts
         inverse = np.vstack([np.linalg.pinv(bare, rcond=1e-10), np.zeros(len(E))])
@@ -156,13 +156,13 @@ class Template:
         h[:, :6] = -constant
         y0 = times(self.inverse, h)
         wide = self.E.shape[-1]
-        solvable = np.abs(times(self.E, y0[:, :wide]) - h).max(axis=1) < SOLVED
+        solvable = np.abs(times(self.E, y0[:, :wide]) - h).max(axis=1) < EQUATION_TOLERANCE
         column = np.zeros((k, 0))
         if len(self.mix):
             h = np.zeros((k, len(self.E)))
             h[:, :6] = -per_scalar
             column = h @ self.inverse.T
-            solvable &= np.abs(column[:, :wide] @ self.E.T - h).max(axis=1) < SOLVED
+            solvable &= np.abs(column[:, :wide] @ self.E.T - h).max(axis=1) < EQUATION_TOLERANCE
             column[:, -1] = 1.0
             column /= np.linalg.norm(column, axis=1)[:, None]
         return LoadRows(
@@ -283,10 +283,10 @@ class Template:
 
 # --- the kernel's run over such rows ------------------------------------------------------------
 
-INSIDE = 1e-3  # of the gap, as in `engine`
+WITNESS_INSET = 1e-3  # of the gap, as in `engine`
 BUDGET = 2048  # nodes that are expanded for one question before it is left to a whole search
-TRIED = 2  # boxes where its programs begin
-MEMORY = 8  # loads before, whose states are tried first
+STARTING_BOXES = 2  # boxes where its programs begin
+REMEMBERED_LOADS = 8  # loads before, whose states are tried first
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,11 +325,11 @@ class BatchSearch:
         copies = {name: getattr(q, name).copy() for name in ("C", "CT", "D", "DT", "off", "lo", "cost", "box")}
         self._question = q._replace(**copies)
         self._lines = tables(self._question)
-        room = CHILDREN * (BUDGET + SLICE) + SPARE
+        room = CHILDREN * (BUDGET + SLICE_NODES) + SPARE
         self._worker = SearchWorker.of(r, heap=room)
         self._tree = pool_layout(room, 3 * r.sizes[0] + r.sizes[1], r.cost.shape[-1])
-        self._boxes = [r.beginning(box).box for box in r.boxes[:TRIED]]
-        self._gaps = r.goal.gaps(settings.gap * (1 - 2 * INSIDE))
+        self._boxes = [r.beginning(box).box for box in r.boxes[:STARTING_BOXES]]
+        self._gaps = r.goal.gaps(settings.gap * (1 - 2 * WITNESS_INSET))
 
     def limit(self, settings: Settings) -> None:
         """Let other limits hold for the questions that follow; the gap stays."""
@@ -369,7 +369,15 @@ class BatchSearch:
             self._question.box[:] = box
             asked = np.flatnonzero(rows.status == UNASKED).tolist() if self.template.of_many else [0]
             for i in asked:
-                ask = self._lines[i], *tables_, of_rows[i], *self._gaps, INSIDE * self.gap, self.budget, self.nodes
+                ask = (
+                    self._lines[i],
+                    *tables_,
+                    of_rows[i],
+                    *self._gaps,
+                    WITNESS_INSET * self.gap,
+                    self.budget,
+                    self.nodes,
+                )
                 LIBRARY.functions.ask_rows(*ask)
             again = (rows.status == HARD) & ~refused & (rows.nodes < self.budget)
             if not again.any():
@@ -411,7 +419,8 @@ def apart(rows: QuestionRows) -> QuestionRows:
 
 
 class LoadMemory:
-    """Loads asked about one after the other, each tried by Newton's method from the states of the `MEMORY` before."""
+    """Loads asked about one after the other, each tried by Newton's method from the states of the `REMEMBERED_LOADS`
+    before."""
 
     def __init__(self, search: BatchSearch) -> None:
         self._search, self._next = search, 0
@@ -428,19 +437,23 @@ class LoadMemory:
             return None
         if self._rows is None:
             row = template.rows(loads)
-            many = {name: np.repeat(x, MEMORY + 1, axis=0) for name, x in row._asdict().items()}
+            many = {name: np.repeat(x, REMEMBERED_LOADS + 1, axis=0) for name, x in row._asdict().items()}
             many |= {"mix": row.mix, "plain": row.plain, "noise": row.noise}
             self._rows = QuestionRows(**many)
             self._rows.status[:] = HARD
             self._lines = table(self._rows)
         rows = self._rows
         for name, values in template.posed(loads).items():
-            getattr(rows, name)[MEMORY] = values[0]
-        rows.status[MEMORY] = UNASKED
+            getattr(rows, name)[REMEMBERED_LOADS] = values[0]
+        rows.status[REMEMBERED_LOADS] = UNASKED
         self._search.run(rows, self._lines)
-        if rows.status[MEMORY] != HELD:
+        if rows.status[REMEMBERED_LOADS] != HELD:
             return None
-        states, _ = template.states(loads, rows.z[MEMORY:])
-        rows.load[self._next], rows.z[self._next], rows.status[self._next] = rows.load[MEMORY], rows.z[MEMORY], HELD
-        self._next = (self._next + 1) % MEMORY
-        return states, int(rows.nodes[MEMORY])
+        states, _ = template.states(loads, rows.z[REMEMBERED_LOADS:])
+        rows.load[self._next], rows.z[self._next], rows.status[self._next] = (
+            rows.load[REMEMBERED_LOADS],
+            rows.z[REMEMBERED_LOADS],
+            HELD,
+        )
+        self._next = (self._next + 1) % REMEMBERED_LOADS
+        return states, int(rows.nodes[REMEMBERED_LOADS])

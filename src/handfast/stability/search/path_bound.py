@@ -28,14 +28,14 @@ from handfast.proofs.path_commands import (
     leaf_bound,
 )
 
-NODES = 400  # of the tree at most
-CUTS = 12  # rounds of tangents at a node
-INSIDE = 1e-5  # relative to a contact's normal force: friction that is so little outside of its cone is inside
-NEGLIGIBLE = 1e-11  # of the largest multiplier: those below this are left out
-MORE = 1e-6  # relative: a bound that tangents raise by less has come to its end
-ROUNDING = 1e-16  # of the largest multiplier: what is left of one that is none
+PATH_TREE_NODES = 400  # of the tree at most
+TANGENT_ROUNDS = 12  # rounds of tangents at a node
+MAX_CONE_EXCESS = 1e-5  # relative to a contact's normal force: friction that is so little outside of its cone is inside
+MULTIPLIER_CUTOFF = 1e-11  # of the largest multiplier: those below this are left out
+MIN_BOUND_RAISE = 1e-6  # relative: a bound that tangents raise by less has come to its end
+MULTIPLIER_ROUNDING = 1e-16  # of the largest multiplier: what is left of one that is none
 VIOLATED = 1e-6  # of the load: contacts that press and gape by less are either closed or open
-FIRST = 8  # directions of tangents in each contact's plane at first
+FIRST_TANGENTS = 8  # directions of tangents in each contact's plane at first
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class _BoundSearch:
         self.size = np.where(largest > 0, largest, 1.0)
         g = of.question.grasp
         soft = set(g.soft.tolist())
-        turns = 2 * np.pi * np.arange(FIRST) / FIRST
+        turns = 2 * np.pi * np.arange(FIRST_TANGENTS) / FIRST_TANGENTS
         flat = [(float(np.cos(a)), float(np.sin(a))) for a in turns]
         for x in range(of.states):
             for i in range(g.m):
@@ -94,16 +94,16 @@ class _BoundSearch:
         tree, order, nodes = _Tree(), count(0, -1), 1
         heap = [(0.0, 0, 0, self.node({}))]
         done: dict[int, _Node] = {}
-        while heap and nodes < NODES and not limits.late and heap[0][0] < enough:
+        while heap and nodes < PATH_TREE_NODES and not limits.late and heap[0][0] < enough:
             bound, _, k, node = heapq.heappop(heap)
             if node.x is None:
                 done[k] = node
                 continue
             part = self.split(node)
             if part is None:
-                finer = self.node(node.case, CUTS, node)
+                finer = self.node(node.case, TANGENT_ROUNDS, node)
                 part = self.split(finer) if finer.x is not None else None
-                if finer.x is not None and (part is not None or finer.bound > bound * (1 + MORE)):
+                if finer.x is not None and (part is not None or finer.bound > bound * (1 + MIN_BOUND_RAISE)):
                     heapq.heappush(heap, (finer.bound, next(order), k, finer))
                     continue
                 done[k] = finer
@@ -208,7 +208,7 @@ class _BoundSearch:
         places = np.concatenate([more, count + np.arange(len(self.tangents))])
         of_F, of_E = y[places], y[equal]
         top = max(np.abs(of_F).max(initial=0.0), np.abs(of_E).max(initial=0.0), 1e-300)
-        of_F = np.where(of_F > NEGLIGIBLE * top, of_F, 0.0)
+        of_F = np.where(of_F > MULTIPLIER_CUTOFF * top, of_F, 0.0)
         used = np.flatnonzero(of_F)
         basis = np.vstack([F[used].toarray(), E.toarray()])
         target = np.zeros(self.of.n)
@@ -216,7 +216,7 @@ class _BoundSearch:
         z = np.concatenate([of_F[used], of_E])
         for _ in range(2):
             z = z + np.linalg.lstsq(basis.T, target - z @ basis, rcond=1e-13)[0]
-        z = np.where(np.abs(z) > ROUNDING * np.abs(z).max(initial=0.0), z, 0.0)
+        z = np.where(np.abs(z) > MULTIPLIER_ROUNDING * np.abs(z).max(initial=0.0), z, 0.0)
         of_F[used], of_E = np.maximum(z[: len(used)], 0.0), z[len(used) :]
         out = np.zeros_like(y)
         out[places] = of_F
@@ -241,7 +241,7 @@ class _BoundSearch:
                 if i in places:
                     along = np.append(along, x[of.at(k, 3, places[i])])
                 size, most = float(np.linalg.norm(along)), g.mu[i] * max(float(x[first]), 0.0)
-                if size - most > INSIDE * max(most, of.scale):
+                if size - most > MAX_CONE_EXCESS * max(most, of.scale):
                     new.append((k, i, tuple((along / size).tolist())))
         if new:
             more, _ = self._matrix([of.tangent(k, i, np.array(u)) for k, i, u in new])

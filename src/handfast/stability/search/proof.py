@@ -21,7 +21,7 @@ from handfast.stability.search.arrays import Pool
 from handfast.stability.search.certificate_polish import Rays, rays_of, repaired, with_rays
 from handfast.stability.search.reduced import Reduced
 
-MOST = 200  # leaves for which another ray is sought
+MAX_RAY_LEAVES = 200  # leaves for which another ray is sought
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class Proof:
                     tried = [rays[k] if k in left else ray for k, ray in enumerate(tried)]
                 if others == 2:
                     left = set(told.unproved)
-                    if not 0 < len(left) <= MOST or self.reduced.cap < np.inf:
+                    if not 0 < len(left) <= MAX_RAY_LEAVES or self.reduced.cap < np.inf:
                         break
                     better = repaired(found, sorted(left), until)
                     tried = [better.get(k, ray) for k, ray in enumerate(tried)]
@@ -154,7 +154,7 @@ class Proof:
         """
         r, p, pool = self.reduced, self.reduced.p, self.pool
         ids, y = pool.ids[leaves], pool.data[leaves].copy()
-        kind = ids >> rows.KIND
+        kind = ids >> rows.KIND_SHIFT
         box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
         index = (ids >> rows.INDEX) & 255
         of_motion = np.array([*(name == "motion" for name, _ in r.names), False])[np.minimum(index, len(r.names))]
@@ -162,7 +162,7 @@ class Proof:
         used = (y > 0) & ~box & ~(plain & of_motion)  # the checker has bounds of its own, or none
         start = np.r_[0, np.cumsum(used.sum(axis=1))]
         ids, kind, index, y = ids[used], kind[used], index[used], y[used]
-        a, b = (ids >> rows.ANGLE) & (2 * rows.TURN - 1), ids & (2 * rows.TURN - 1)
+        a, b = (ids >> rows.ANGLE) & (2 * rows.TURN_DIRECTIONS - 1), ids & (2 * rows.TURN_DIRECTIONS - 1)
 
         # a scaled row is the row in the grasp's units over the force scale, times these
         arms = p.command_units / p.force
@@ -202,7 +202,7 @@ class Proof:
         index[plain] = columns[index[plain]]
         kind = np.where(flip, rows.PLAIN_UP + rows.PLAIN_DOWN - kind, kind)
         patched = (kind == rows.SOFT_CHORD) | (kind == rows.C_SIDE) | (kind == rows.D_SIDE)
-        a[patched], b[patched] = ids[patched] & ((1 << rows.SIDE) - 1), (ids[patched] >> rows.SIDE) & 3
+        a[patched], b[patched] = ids[patched] & ((1 << rows.SIDE_SHIFT) - 1), (ids[patched] >> rows.SIDE_SHIFT) & 3
         return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}
 
 

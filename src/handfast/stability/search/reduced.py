@@ -25,17 +25,19 @@ from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
 
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
-FAR = 100.0  # sizes of the grasp: how far from the origin its contacts may be before torques are taken about them
-RANK = 1e-10  # relative: singular values below are none
-SOLVED = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
-TURNS = 1e-12  # (scaled) motion from which an actuator turns
+MAX_ORIGIN_DISTANCE = (
+    100.0  # sizes of the grasp: how far from the origin its contacts may be before torques are taken about them
+)
+SINGULAR_TOLERANCE = 1e-10  # relative: singular values below are none
+EQUATION_TOLERANCE = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
+MIN_ACTUATOR_MOTION = 1e-12  # (scaled) motion from which an actuator turns
 # (scaled) command of an actuator that turns without force, where commands are sought: with none at all it is locked.
 # The judge grants far more; what it misses times a motion of 10^5 is still small.
 NEXT_TO_NONE = 1e-13
 LEAST_COMMAND = 1e-6  # (scaled) the same where such a state is not proved, and one is sought in which it carries this
 # (scaled) motions and forces of the box where programs begin: far enough for most, near enough for rounding. What is
 # near for one grasp is far for another, so that a search whose programs break down begins again with the next.
-BOXES = (1e4, 1e5), (1e5, 1e3), (1e6, 1e5), (1e4, 1e3), (1e5, 1e5)
+PROGRAM_BOXES = (1e4, 1e5), (1e5, 1e3), (1e6, 1e5), (1e4, 1e3), (1e5, 1e5)
 # where a load is sought beside another one, or beside limits: programs break down from (1e4, 1e5) on most grasps
 BOXES_OF_LARGEST = (1e4, 1e3), (1e5, 1e3), (1e4, 1e5), (1e6, 1e5), (1e5, 1e5)
 _NOISE = 1 + np.random.default_rng(0).random(1024)
@@ -65,7 +67,7 @@ class Uneven(ValueError):
 
 def rank_of(sv: Array, least: float = 0.0) -> int:
     """From singular values (..., n), the largest first. Raises `Uneven` if those of many differ."""
-    ranks = np.asarray((sv > RANK * np.maximum(sv[..., :1], least)).sum(axis=-1))
+    ranks = np.asarray((sv > SINGULAR_TOLERANCE * np.maximum(sv[..., :1], least)).sum(axis=-1))
     if ranks.ndim and (ranks != ranks[0]).any():
         raise Uneven(ranks)
     return int(ranks.flat[0])
@@ -167,7 +169,7 @@ class Reduced:
     @property
     def boxes(self) -> tuple[tuple[float, float], ...]:
         """Where its programs begin, in the order in which searches try them."""
-        return BOXES_OF_LARGEST if self.goal.maximised else BOXES
+        return BOXES_OF_LARGEST if self.goal.maximised else PROGRAM_BOXES
 
     @property
     def may_try(self) -> bool:
@@ -286,14 +288,16 @@ class Reduced:
         The commands are those of the load at its scalar, or what the driven actuators turned out to need.
         """
         p, load = self.p, self.load
-        turns = p.R @ x.q > TURNS
+        turns = p.R @ x.q > MIN_ACTUATOR_MOTION
         sought = np.where(turns, np.maximum(x.f, 0.0), 0.0)
         if (sought > NEXT_TO_NONE).any(where=p.driven):
-            sought = np.where(turns & (x.f > -SOLVED), np.maximum(sought, NEXT_TO_NONE), 0.0)
+            sought = np.where(turns & (x.f > -EQUATION_TOLERANCE), np.maximum(sought, NEXT_TO_NONE), 0.0)
         f_c = np.where(p.driven, sought, load.f_a + x.scalar * load.f_b)
         wrench = p.force * (load.w_a + x.scalar * load.w_b) / p.lengths
         share = self.goal.given_share(x.scalar)
-        if p.is_given and not wrench.any() and np.abs(x.c).max() < SOLVED:  # rounding of what rests by itself
+        if (
+            p.is_given and not wrench.any() and np.abs(x.c).max() < EQUATION_TOLERANCE
+        ):  # rounding of what rests by itself
             x = replace(x, c=np.zeros(len(x.c)), twist=np.zeros(len(x.twist)))
         grasp = p.grasp.with_laws_times(share).with_preload(p.command(f_c, share))
         return Witness(grasp, wrench, p.unscale(x, share), p.limits.eta, p.mdp)
@@ -338,7 +342,7 @@ def reduce(
     nu, nv = M.shape[-1], Y.shape[-1]
     forces, motions = V @ Y, D @ M
     cost = _cost(at, len(active), forces, motions)
-    box = np.repeat(BOXES[0], [nu, nv])
+    box = np.repeat(PROGRAM_BOXES[0], [nu, nv])
     if cap < np.inf:
         top = max(abs(plain[0].lo), abs(plain[0].hi)) if at.objective else 0.0
         c, f = _largest_forces(p, load, cap, top)
@@ -368,7 +372,7 @@ def reduce(
         box=box,
         objective=at.objective,
         scale=p.command_unit,
-        solvable=bool(np.abs(times(E, y0) - h).max() < SOLVED),
+        solvable=bool(np.abs(times(E, y0) - h).max() < EQUATION_TOLERANCE),
         solve=inverse,
         values=V,
         constants=constants,
@@ -468,9 +472,10 @@ def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tupl
 def _about_middle(p: ScaledProblem, height: int) -> Array | None:
     """(height, height) what turns torques on the object, rows 3 to 6 of (1), into those about the contacts' middle.
 
-    Far from the origin the rounding of forces would be multiplied by the way there. None where none is beyond `FAR`.
+    Far from the origin the rounding of forces would be multiplied by the way there. None where none is beyond
+    `MAX_ORIGIN_DISTANCE`.
     """
-    far = np.linalg.norm(p.middle, axis=-1, keepdims=True) > FAR
+    far = np.linalg.norm(p.middle, axis=-1, keepdims=True) > MAX_ORIGIN_DISTANCE
     if not far.any():
         return None
     out = np.zeros((*p.G.shape[:-2], height, height))

@@ -5,9 +5,10 @@ but for the cones of sticking contacts: (1) to (4) are linear, (7) says c_t = -m
 u, or d_t = 0, and (8) f = f_c or t = 0. So these states are those inside of some second-order cones; mostly it is one
 state alone. With uncertain normals an open contact has to move by u . d_t in place of |d_t|, which is no smaller.
 
-The state of least motion is that of a small program. Of states that move equally far, but for a share of `ROOM`, it is
-the one of small contact forces, and inside of all inequalities that leave room: no friction at its limit, no contact
-that touches without a force, where that need not be. What comes out is judged by the equations alone.
+The state of least motion is that of a small program. Of states that move equally far, but for a share of
+`ALIKE_MOTION`, it is the one of small contact forces, and inside of all inequalities that leave room: no friction at
+its limit, no contact that touches without a force, where that need not be. What comes out is judged by the equations
+alone.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ from handfast.core.arrays import Array, Mask
 from handfast.stability.problem import model
 from handfast.stability.problem.witness import VALID, Witness
 from handfast.stability.search.interior_point import Cones, minimum
-from handfast.stability.search.reduced import RANK, Reduced
+from handfast.stability.search.reduced import SINGULAR_TOLERANCE, Reduced
 
 # forces and motions are in multiples of the largest force that acts
-ROOM = 1e-6  # relative: states whose motions differ by less are alike
-NEAR = 1e-9  # so near is the least motion found, and so much larger no larger one
-INSIDE = 1e-4  # how far forces may be from the smallest, to stay inside
-LOOSE = 1e-11  # by which inequalities are loosened, since some leave no room at all
-SMALL = 0.1  # weight of motions beside forces
-FREE = 1e-4  # and of what no contact feels
+ALIKE_MOTION = 1e-6  # relative: states whose motions differ by less are alike
+MOTION_TOLERANCE = 1e-9  # so near is the least motion found, and so much larger no larger one
+FORCE_INSET = 1e-4  # how far forces may be from the smallest, to stay inside
+INEQUALITY_LOOSENING = 1e-11  # by which inequalities are loosened, since some leave no room at all
+MOTION_WEIGHT = 0.1  # weight of motions beside forces
+FREE_WEIGHT = 1e-4  # and of what no contact feels
 
 
 def least_in_same_modes(r: Reduced, found: Witness) -> Witness:
@@ -44,7 +45,7 @@ def least_in_same_modes(r: Reduced, found: Witness) -> Witness:
         point = r.point(x)
         kept = (point.c[::3] <= p.cn_max * (1 + VALID)).all() and (np.abs(point.f) <= p.f_max * (1 + VALID)).all()
         other = replace(found, state=p.unscale(point))
-        if kept and other.valid and other.largest_motion <= (1 + NEAR) * found.largest_motion:
+        if kept and other.valid and other.largest_motion <= (1 + MOTION_TOLERANCE) * found.largest_motion:
             return other
     return found
 
@@ -142,7 +143,7 @@ class _ModeStates:
         A = np.concatenate([rows.reshape(-1, n) for rows, _ in equations])
         b = np.concatenate([constants.ravel() for _, constants in equations])
         U, s, Vt = np.linalg.svd(A)
-        rank = int((s > RANK * s[0]).sum())
+        rank = int((s > SINGULAR_TOLERANCE * s[0]).sum())
         return -Vt[:rank].T @ ((U[:, :rank].T @ b) / s[:rank]), Vt[rank:].T
 
     @property
@@ -189,7 +190,12 @@ class _ModeStates:
         joints = np.zeros((len(r.M), n))
         joints[:6, :nu], joints[6:, :nu] = object_, r.M[6:]
         forces = [(v.normal, v.normal_0), (v.rubs, v.rubs_0)]
-        rows = [*(x.reshape(-1, n) for x, _ in forces), SMALL * v.motions.reshape(-1, n), FREE * joints, FREE * free]
+        rows = [
+            *(x.reshape(-1, n) for x, _ in forces),
+            MOTION_WEIGHT * v.motions.reshape(-1, n),
+            FREE_WEIGHT * joints,
+            FREE_WEIGHT * free,
+        ]
         constants = np.concatenate([x.ravel() for _, x in forces])
         every = np.concatenate(rows)
         return every, np.r_[constants, np.zeros(len(every) - len(constants))]
@@ -209,7 +215,7 @@ class _ModeStates:
             return rows @ basis, rows @ origin + offset / scale
 
         rows, offset = along(*self._inside())
-        offset[:, 0] += LOOSE
+        offset[:, 0] += INEQUALITY_LOOSENING
         inside = Cones(rows, offset).felt()
         moved = np.zeros((len(self.values.motions), 4, k)), np.zeros((len(self.values.motions), 4))
         moved[0][:, 1:], moved[1][:, 1:] = along(self.values.motions, np.zeros(self.values.motions.shape[:2]))
@@ -217,16 +223,16 @@ class _ModeStates:
         motions = every.felt()
         found: list[Array] = []
         if len(motions.offset):
-            floor = max(float(np.linalg.norm(every.unfelt().offset, axis=1).max(initial=0.0)), ROOM)
+            floor = max(float(np.linalg.norm(every.unfelt().offset, axis=1).max(initial=0.0)), ALIKE_MOTION)
             first = _least_longest(motions, inside, floor)
             if first is None:
                 return []
             found = [first]
             least = max(float(np.linalg.norm(motions.at(first), axis=1).max()), floor)
-            cap = max(min((1 + ROOM) * least, before / scale), (1 + NEAR) * least)
+            cap = max(min((1 + ALIKE_MOTION) * least, before / scale), (1 + MOTION_TOLERANCE) * least)
             inside = Cones(motions.rows, motions.offset + np.array([cap, 0.0, 0.0, 0.0])).with_(inside)
         weights, constants = along(*self._preferred())
-        second = minimum(inside, weights.T @ constants, weights.T @ weights, INSIDE)
+        second = minimum(inside, weights.T @ constants, weights.T @ weights, FORCE_INSET)
         return [scale * (origin + basis @ x) for x in ([] if second is None else [second]) + found]
 
 
@@ -238,5 +244,7 @@ def _least_longest(motions: Cones, inside: Cones, floor: float) -> Array | None:
     last = np.eye(k + 1)[-1:]
     above = Cones.at_least(last, np.array([-floor]))
     program = Cones(np.concatenate([both.rows, longest], axis=2), both.offset).with_(above)
-    found = minimum(program, last[0], NEAR * FREE * np.eye(k + 1), NEAR / len(program.offset))
+    found = minimum(
+        program, last[0], MOTION_TOLERANCE * FREE_WEIGHT * np.eye(k + 1), MOTION_TOLERANCE / len(program.offset)
+    )
     return None if found is None else found[:k]

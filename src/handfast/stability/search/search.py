@@ -32,15 +32,20 @@ from handfast.stability.search.arrays import (
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.reduced import Reduced
 
-CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
-CLOSED = 4096  # nodes that are closed between two looks at the clock
-SLICE = 64  # nodes that a worker expands between two looks at the clock and at the other worker,
+CLOSING_MARGINS = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
+CLOSING_NODES = 4096  # nodes that are closed between two looks at the clock
+SLICE_NODES = 64  # nodes that a worker expands between two looks at the clock and at the other worker,
 BIG = 80  # fewer with more unknowns than this: a node takes time as their cube
 SPARE = 8  # rows of the tree that the kernel wants beyond what it may fill
-SHARE = 16  # as many nodes must wait to be parted, once more if one worker has UNEVEN times as many as the other
+MIN_SHARED_NODES = (
+    16  # as many nodes must wait to be parted, once more if one worker has UNEVEN times as many as the other
+)
 UNEVEN = 4
-FEW, TROUBLE = 128, 0.2  # nodes from which on, and share of them for which programs that fail are too many
-ROOM = 2048  # nodes at first
+MIN_FAILURE_NODES, MAX_FAILURE_SHARE = (
+    128,
+    0.2,
+)  # nodes from which on, and share of them for which programs that fail are too many
+FIRST_POOL_NODES = 2048  # nodes at first
 INF = float("inf")
 
 
@@ -82,7 +87,7 @@ class SearchWorker:
     workspace: Workspace
 
     @classmethod
-    def of(cls, r: Reduced, guesses: Sequence[Array] | Array = (), heap: int = ROOM) -> SearchWorker:
+    def of(cls, r: Reduced, guesses: Sequence[Array] | Array = (), heap: int = FIRST_POOL_NODES) -> SearchWorker:
         """That knows nothing yet; guesses: points (n,) to start Newton's method from."""
         block = Block(worker_layout(len(r.hi), r.cost.shape[-1], len(guesses), heap))
         state = block.arrays()
@@ -147,7 +152,7 @@ class Search:
         (m, a, _), n = r.sizes, len(r.cost)
         self.hi = r.hi.copy()
         self._pool_table: Indices | None  # of nodes that may be expanded
-        self.pool, self._pool_table = new_pool(ROOM, 3 * m + a, n)
+        self.pool, self._pool_table = new_pool(FIRST_POOL_NODES, 3 * m + a, n)
         for x in self.pool:  # the root: all is undecided
             x[0] = 0
         self.pool.parent[0] = -1
@@ -200,12 +205,12 @@ class Search:
     def _corner(self) -> Indices:
         """(n,) the working set that a program begins with where there is no other."""
         corner = np.where(self.reduced.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
-        out: Indices = (corner << rows.KIND) | (np.arange(len(corner)) << rows.INDEX)
+        out: Indices = (corner << rows.KIND_SHIFT) | (np.arange(len(corner)) << rows.INDEX)
         return out
 
     @property
     def counts(self) -> Indices:
-        """What was counted, at the places that `arrays.COUNTS` names."""
+        """What was counted, at the places that `arrays.WORKER_COUNTS` names."""
         each = [searcher.state.counts for searcher in self.searchers]
         out: Indices = np.sum(each, axis=0) - (len(each) - 1) * self._common
         out[arrays.USED] = self.used
@@ -226,7 +231,7 @@ class Search:
     @property
     def healthy(self) -> bool:
         """Are most programs solved?"""
-        return self.nodes < FEW or self.trouble < TROUBLE
+        return self.nodes < MIN_FAILURE_NODES or self.trouble < MAX_FAILURE_SHARE
 
     @property
     def end(self) -> float:
@@ -260,7 +265,7 @@ class Search:
         real = self._real()
         pool, number = Pool._make(a[: self.used][real] for a in self.pool), np.cumsum(real) - 1
         pool.parent[1:] = number[pool.parent[1:]]
-        named = (pool.ids >> rows.KIND == rows.ENERGY) & (pool.status == arrays.EMPTY)[:, None]  # after a node
+        named = (pool.ids >> rows.KIND_SHIFT == rows.ENERGY) & (pool.status == arrays.EMPTY)[:, None]  # after a node
         old = pool.ids[named] & rows.NODE
         pool.ids[named] += number[old] - old
         self.pool, self._pool_table, self.used = pool, None, len(pool.parent)
@@ -275,7 +280,7 @@ class Search:
         if not r.objective:
             return -INF
         bound = self.bound
-        for margin in CLOSING:
+        for margin in CLOSING_MARGINS:
             waiting = np.flatnonzero(self._open())
             cut = bound - margin * max(abs(bound), margin)
             if not r.lo[0] <= cut < INF:
@@ -285,7 +290,7 @@ class Search:
             first.give(waiting)  # nothing is split
             self.hi[0] = first.state.hi[0] = min(cut, self.hi[0])
             while first.waiting and time.monotonic() < until:
-                self._run(first, CLOSED, close=True)
+                self._run(first, CLOSING_NODES, close=True)
             if first.waiting:
                 break
             if not self.unresolved:
@@ -308,7 +313,7 @@ class Search:
         first, each = self.used, CHILDREN * budget
         self.used += len(busy) * each
         if self.used + SPARE > len(self.pool.key):
-            self.pool, self._pool_table = grown(self.pool, 2 * self.used + ROOM, first)
+            self.pool, self._pool_table = grown(self.pool, 2 * self.used + FIRST_POOL_NODES, first)
         for k, searcher in enumerate(busy):
             searcher.state.counts[arrays.USED] = first + k * each
             searcher.reserve(searcher.waiting + each)
@@ -338,7 +343,7 @@ class Search:
     def _partition(self) -> None:
         """Let both searchers have every second node by rank, where that pays."""
         count = [searcher.waiting for searcher in self.searchers]
-        if sum(count) < SHARE or (len(count) == 2 and UNEVEN * min(count) >= max(count)):
+        if sum(count) < MIN_SHARED_NODES or (len(count) == 2 and UNEVEN * min(count) >= max(count)):
             return
         if len(self.searchers) == 1:
             self._common = self.counts
@@ -357,7 +362,7 @@ class Search:
             return
         LIBRARY.functions  # noqa: B018  the first search compiles, or loads what was: no search's time
         start = time.monotonic()
-        most = max(1, int(SLICE * min(1.0, BIG / len(r.cost)) ** 3))
+        most = max(1, int(SLICE_NODES * min(1.0, BIG / len(r.cost)) ** 3))
         while self.stop is None:
             left = (self.node_limit - self.nodes + 1) / len(self.searchers)
             why = self._slice(int(min(most, max(1, left))))

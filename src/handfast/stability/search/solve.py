@@ -13,9 +13,9 @@ from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
 from handfast.stability.search.proof import Outcome
 
-ANY = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
-MANY = 4096  # nodes at most
-LEAST = 1e-3  # [s] that a search has where no time is left
+ANY_STATE_GAP = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
+ANY_STATE_NODES = 4096  # nodes at most
+MIN_SEARCH_TIME = 1e-3  # [s] that a search has where no time is left
 
 
 def solve(p: ScaledProblem, goal: Objective, settings: Settings, on_progress: OnStep | None, **hints: Any) -> Outcome:
@@ -40,7 +40,7 @@ def clock_of(settings: Settings) -> SearchLimits:
 
 def time_left(settings: Settings, limits: SearchLimits) -> Settings:
     """For what follows a search: the rest of its time."""
-    return replace(settings, timeout=max(limits.seconds_left, LEAST))
+    return replace(settings, timeout=max(limits.seconds_left, MIN_SEARCH_TIME))
 
 
 def without_end(
@@ -57,7 +57,7 @@ def without_end(
     """
     settings = time_left(settings, limits)
     if goal.maximised:  # any of them would do
-        settings = replace(settings, gap=ANY, nodes=min(settings.nodes, MANY + 2 * found.nodes))
+        settings = replace(settings, gap=ANY_STATE_GAP, nodes=min(settings.nodes, ANY_STATE_NODES + 2 * found.nodes))
     if limits.late:
         beyond = Outcome(INF, -INF, None, Stop.TIME, 0.0, 0)
     else:
@@ -83,7 +83,7 @@ def held_under(
         return None
     settings, near = replace(time_left(settings, limits), verify=False), []
     if found.witness is not None:
-        settings = replace(settings, nodes=min(settings.nodes, MANY + 2 * found.nodes))
+        settings = replace(settings, nodes=min(settings.nodes, ANY_STATE_NODES + 2 * found.nodes))
         near = [(found.witness.state, 0.0)]
     asked = scaled_problem.build(grasp, p.wrench, limits=p.limits, mdp=p.mdp)
     there = solve(asked, ANY_STATE, settings, None, near=near)

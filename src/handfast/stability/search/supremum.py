@@ -24,14 +24,14 @@ from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.search.reduced import Reduced, reduce
 
-SHRINK = 0.25  # of eps from step to step
-NEAREST = 1e-7  # (scaled) eps at which it is extrapolated: 1e-16 / eps is what rounding takes
-ITERATIONS = 8
-CONVERGED = 1e-11  # scaled residual
+EPSILON_RATIO = 0.25  # of eps from step to step
+MIN_EPSILON = 1e-7  # (scaled) eps at which it is extrapolated: 1e-16 / eps is what rounding takes
+LIMIT_ITERATIONS = 8
+LIMIT_RESIDUAL = 1e-11  # scaled residual
 ALLOWED = 1e-9  # (scaled) by which an inequality may be missed
-NO_MOTION = 1e-7  # (scaled) motions below this are none, or below this share of the largest times MOTION
-MOTION = 1e-5
-FLAT = 1e-8  # relative: what grows by less does not grow
+ZERO_MOTION = 1e-7  # (scaled) motions below this are none, or below this share of the largest times MOTION
+MIN_MOTION_SHARE = 1e-5
+GROWTH_TOLERANCE = 1e-8  # relative: what grows by less does not grow
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +86,12 @@ def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:
         return None
     scalar, rho = found
     value, first = r.goal.magnitude(r.p, scalar), r.goal.magnitude(r.p, r.scalar(z))
-    if not first * (1 - FLAT) <= value <= upper * (1 + ALLOWED):
+    if not first * (1 - GROWTH_TOLERANCE) <= value <= upper * (1 + ALLOWED):
         return None
     p, x = r.p, r.M @ rho
     motion = p.lengths * x[:6]
     d = _speeds(r, r.D[:, : len(rho)] @ rho)
-    slides = path.slides & (d > MOTION)
+    slides = path.slides & (d > MIN_MOTION_SHARE)
     return Supremum(
         value=float(value),
         motion=motion / np.linalg.norm(x[:6]) if x[:6].any() else motion,
@@ -134,8 +134,8 @@ class _Path:
         if size < 1.0:
             return None
         c, d = r.C @ z + r.off[: len(r.C)], r.D @ z
-        tiny = max(NO_MOTION, size * 1e-12)
-        closed = c[: 3 * m : 3] > NO_MOTION
+        tiny = max(ZERO_MOTION, size * 1e-12)
+        closed = c[: 3 * m : 3] > ZERO_MOTION
         slides = closed & (_speeds(r, d) > tiny)
         turns = d[3 * m : 3 * m + a] > tiny
         path = cls(r, closed, slides, turns, np.r_[z[:nu] / size, z[nu:]], 1.0 / size)
@@ -193,9 +193,9 @@ class _Path:
 
     def solved(self, y: Array, eps: float) -> Array | None:
         """A solution for this eps near y that keeps the inequalities; None if there is none."""
-        for _ in range(ITERATIONS):
+        for _ in range(LIMIT_ITERATIONS):
             _, J, g = self.step(y, eps)
-            if np.abs(g).max() <= CONVERGED * max(1.0, float(np.abs(y).max())):
+            if np.abs(g).max() <= LIMIT_RESIDUAL * max(1.0, float(np.abs(y).max())):
                 break
             y = y - np.linalg.lstsq(J, g, rcond=1e-13)[0]
         else:
@@ -228,22 +228,22 @@ class _Path:
         if y is None:
             return None
         values = [(eps, self.r.scalar(np.r_[np.zeros(nu), y[nu:]]))]
-        while eps > NEAREST:
-            eps = max(SHRINK * eps, NEAREST)
+        while eps > MIN_EPSILON:
+            eps = max(EPSILON_RATIO * eps, MIN_EPSILON)
             y = self.solved(y, eps)
             if y is None:
                 return None
             values.append((eps, self.r.scalar(np.r_[np.zeros(nu), y[nu:]])))
         if len(values) < 2:  # the witness moves as far already
-            nearer = self.solved(y, SHRINK * eps)
+            nearer = self.solved(y, EPSILON_RATIO * eps)
             if nearer is None:
                 return None
             y = nearer
-            values.append((SHRINK * eps, self.r.scalar(np.r_[np.zeros(nu), y[nu:]])))
+            values.append((EPSILON_RATIO * eps, self.r.scalar(np.r_[np.zeros(nu), y[nu:]])))
         (e1, s1), (e2, s2) = values[-2:]
         last = s2 - e2 * (s1 - s2) / (e1 - e2)
-        grows = s1 > s2 or abs(s1 - s2) <= CONVERGED * max(1.0, abs(s2))  # the scalar is made small
-        far = values[0][1] - last > FLAT * abs(last)
+        grows = s1 > s2 or abs(s1 - s2) <= LIMIT_RESIDUAL * max(1.0, abs(s2))  # the scalar is made small
+        far = values[0][1] - last > GROWTH_TOLERANCE * abs(last)
         return (last, y[:nu]) if grows and far else None
 
 
@@ -251,14 +251,14 @@ def words_of(grasp: Grasp, motion: Array, slides: Mask, closed: Mask) -> str:
     """'the object turns about the line through (0.01, 0, 0.02) m along (0, 0, 1); contacts 0 and 1 stick, 2 slides'."""
     v, w = motion[:3], motion[3:]
     turn = float(np.linalg.norm(w))
-    if turn * grasp.size > MOTION * float(np.linalg.norm(v)):
+    if turn * grasp.size > MIN_MOTION_SHARE * float(np.linalg.norm(v)):
         axis = w / turn
         point = cross(w, v) / turn**2
         middle = grasp.middle
         point = point + axis * float(axis @ (middle - point))
         what = f"the object turns about the line through {_vector(point)} m along {_vector(axis)}"
         along = float(axis @ v) / turn
-        if abs(along) > MOTION * grasp.size:
+        if abs(along) > MIN_MOTION_SHARE * grasp.size:
             what += f", {1e3 * along:.3g} mm along it per radian"
     elif v.any():
         what = f"the object moves along {_vector(v / np.linalg.norm(v))}"

@@ -39,10 +39,10 @@ from handfast.stability.studies.batch import OnItem
 A = TypeVar("A", bound=Answer)
 LARGEST_GAP = 1e-2  # that a file may give its lower bounds
 FINEST_GAP = 1e-6  # with which an upper bound is asked: what is not proved then is refused
-ROUNDING = 1e-9  # relative: an upper bound is proved to that
-APART = 1e-6  # relative: two bounds that contradict each other
-FEW = 3  # claims for which no process is made
-TIME_LIMIT = 60.0  # [s] for each question
+UPPER_BOUND_ROUNDING = 1e-9  # relative: an upper bound is proved to that
+CONTRADICTION_GAP = 1e-6  # relative: two bounds that contradict each other
+FEW_CLAIMS = 3  # claims for which no process is made
+QUESTION_TIME_LIMIT = 60.0  # [s] for each question
 NO_TIME = "no time was left to ask again"
 UNBALANCED = "no forces at the contacts balance it"
 
@@ -57,7 +57,7 @@ class Asking:
         on_progress: called with (done, total).
     """
 
-    question_timeout: float = TIME_LIMIT
+    question_timeout: float = QUESTION_TIME_LIMIT
     timeout: float = INF
     jobs: int | None = None
     on_progress: OnItem | None = None
@@ -236,9 +236,9 @@ class BoundsClaim(Claim):
             answer = replace(answer, upper=INF)  # of motions that may be too small to count
         if name == "lower":
             return self._judged_lower(found, answer)
-        if answer.upper <= self.upper * (1 + self.apart(ROUNDING)):
+        if answer.upper <= self.upper * (1 + self.apart(UPPER_BOUND_ROUNDING)):
             return found
-        if answer.lower > self.upper * (1 + self.apart(APART)):
+        if answer.lower > self.upper * (1 + self.apart(CONTRADICTION_GAP)):
             more = f"is {self.upper:.9g}; asked again, {answer.lower:.9g} is resisted, which is proved"
             return replace(found, refused=more)
         if not np.isfinite(answer.upper) or answer.gap > 2 * FINEST_GAP:
@@ -250,7 +250,9 @@ class BoundsClaim(Claim):
         if self.unbounded and answer.unbounded:
             far = answer.lower >= self.lower * (1 - self.gap)
             return found if far else replace(found, refused=f"{self._said}; a search goes up to {answer.lower:.9g}")
-        if np.isfinite(answer.upper) and (self.unbounded or self.lower > answer.upper * (1 + self.apart(APART))):
+        if np.isfinite(answer.upper) and (
+            self.unbounded or self.lower > answer.upper * (1 + self.apart(CONTRADICTION_GAP))
+        ):
             nothing = f"nothing above {answer.upper:.9g}" if answer.upper > 0 else "nothing"
             return replace(found, refused=f"{self._said}; asked again, {nothing} is resisted, which is proved")
         if not self.unbounded and answer.lower >= self.lower * (1 - self.gap):
@@ -276,7 +278,7 @@ class IntervalClaim(Claim):
             return (replace(told, refused=f"asked again, its proof is refused: {proof.reason}"),)
         if shown is None:
             return (replace(told, undecided=_open(answer)),)
-        if self.to > answer.upper * (1 + APART):
+        if self.to > answer.upper * (1 + CONTRADICTION_GAP):
             text = f"is {self.to:.9g}; asked again, nothing above {answer.upper:.9g} is resisted, which is proved"
             return (replace(told, refused=text),)
         slack = shown.resolution * max(self.to, answer.lower)
@@ -315,7 +317,7 @@ def _added(every: Sequence[Mapping[str, Figure]], exact: Figure = None) -> dict[
 
 def asked(claims: Sequence[Claim], how: Asking) -> list[tuple[Replay, ...]]:
     """What becomes of each claim, in order. Those that no time was left for are undecided."""
-    jobs = 1 if len(claims) <= FEW else min(how.jobs or default_jobs(), len(claims))
+    jobs = 1 if len(claims) <= FEW_CLAIMS else min(how.jobs or default_jobs(), len(claims))
     until = time.monotonic() + how.timeout
     out: list[tuple[Replay, ...]] = []
     with WorkerPool(Clock(how.question_timeout, until, 1 if jobs > 1 else 0), jobs) as pool:

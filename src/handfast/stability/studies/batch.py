@@ -49,7 +49,7 @@ from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.grasp_rows import GraspRows, shape_of
 from handfast.stability.problem.loads import Loads
-from handfast.stability.problem.objective import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Objective
+from handfast.stability.problem.objective import ANY_STATE, LARGEST_MAGNITUDE, SMALLEST_PRELOAD, Effort, Objective
 from handfast.stability.problem.scaled_problem import as_direction
 from handfast.stability.problem.settings import Loading, Settings
 from handfast.stability.search.reduced import Uneven
@@ -59,10 +59,10 @@ if TYPE_CHECKING:
 
 OnItem = Callable[[int, int], None]  # done, total
 Query = Literal["check", "max", "torques"]
-BLOCK = 125  # questions that are answered together: each begins with what those before it showed
-NEAREST = 3  # answered rows from whose states the search of a row begins
+QUESTION_BLOCK = 125  # questions that are answered together: each begins with what those before it showed
+NEAREST_ROWS = 3  # answered rows from whose states the search of a row begins
 FOLLOWED = 12  # loads that are followed on their paths together
-FEW = 3  # questions about one grasp up to which it is prepared together with the others of its shape
+FEW_QUESTIONS = 3  # questions about one grasp up to which it is prepared together with the others of its shape
 FORK, FORK_ALONE = 500, 60  # questions from which on processes pay, of the kernel and of those that are asked alone
 
 
@@ -230,7 +230,7 @@ def _ask(
     B, options = as_base(base, W), options.of_rows()
     after = comes_after(options.loading, base=base)
     (g, n), done = W.shape[:2], 0
-    pieces = _pieces(g, n, FOLLOWED if after else BLOCK)
+    pieces = _pieces(g, n, FOLLOWED if after else QUESTION_BLOCK)
     many = g * n > (FORK if all(map(options.together, each)) else FORK_ALONE)
     forked = parallel.START == "fork" and (many or options.answers or options.query == "torques")
     jobs = min(options.jobs or default_jobs(), max(len(pieces), 1))
@@ -318,12 +318,12 @@ def _answer_across(grasps: Sequence[Grasp], parts: Sequence[AnswerRows], options
     """
     shapes: dict[Hashable, list[int]] = {}
     for k, (grasp, part) in enumerate(zip(grasps, parts, strict=True)):
-        shape = options.shape(grasp) if len(part.wrenches) <= FEW else None
+        shape = options.shape(grasp) if len(part.wrenches) <= FEW_QUESTIONS else None
         if shape is not None:
             shapes.setdefault(shape, []).append(k)
     for some in shapes.values():
         whole = GraspRows.of([grasps[k] for k in some])
-        for row in range(FEW):
+        for row in range(FEW_QUESTIONS):
             there = np.array([_is_plain(parts[k], row, options) for k in some])
             if there.any():
                 chosen = [parts[k] for k, is_there in zip(some, there, strict=True) if is_there]
@@ -374,7 +374,7 @@ def answer_rows(grasp: Grasp, part: AnswerRows, options: RowQuestion, kernel: Ro
         return part
     for rows, goal in _goals(grasp, part, options) if options.together(grasp) else ():
         rows = rows[left[rows]]
-        if len(rows) <= FEW and kernel is None:
+        if len(rows) <= FEW_QUESTIONS and kernel is None:
             continue
         kernel = kernel or kernel_of(options.limits)
         for farther in (True, False):
@@ -424,10 +424,10 @@ def _followed(grasp: Grasp, w: Array, options: RowQuestion, paths: PathsFromRest
 
 
 def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:
-    """The states of the `NEAREST` other rows whose directions are nearest to that of row i."""
+    """The states of the `NEAREST_ROWS` other rows whose directions are nearest to that of row i."""
     rows = np.array([k for k in near if k != i], dtype=int)
     unit = W / np.linalg.norm(W, axis=1)[:, None].clip(min=1e-300)
-    return tuple(near[int(k)] for k in rows[np.argsort(-(unit[rows] @ unit[i]), kind="stable")][:NEAREST])
+    return tuple(near[int(k)] for k in rows[np.argsort(-(unit[rows] @ unit[i]), kind="stable")][:NEAREST_ROWS])
 
 
 def _goals(grasp: Grasp, part: AnswerRows, options: RowQuestion) -> Iterator[tuple[Any, Objective]]:
@@ -443,15 +443,15 @@ def _goals(grasp: Grasp, part: AnswerRows, options: RowQuestion) -> Iterator[tup
     grows = (commanded or given) and not options.limits.limits_forces
     homogeneous = sound & ~beside if grows else np.zeros(len(W), bool)
     yield np.flatnonzero(homogeneous), SMALLEST_PRELOAD
-    yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
+    yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST_MAGNITUDE
 
 
 def _sound(part: AnswerRows, of_max: bool) -> Mask:
     """(k,) bool: rows of finite numbers that are not too large, and no directions next to zero."""
     with np.errstate(invalid="ignore"):
         largest, base = np.abs(part.wrenches).max(axis=1), np.abs(part.base).max(axis=1)
-        sound: Mask = (largest <= scaled_problem.MOST) & (base <= scaled_problem.MOST)
-    return sound & (largest >= scaled_problem.LEAST) if of_max else sound
+        sound: Mask = (largest <= scaled_problem.MAX_DISTURBANCE) & (base <= scaled_problem.MAX_DISTURBANCE)
+    return sound & (largest >= scaled_problem.MIN_DISTURBANCE) if of_max else sound
 
 
 def _alone(grasp: Grasp, part: AnswerRows, i: int, options: RowQuestion, near: tuple[Near, ...]) -> Answer:

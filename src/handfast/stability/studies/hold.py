@@ -40,15 +40,15 @@ from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import Loading, Settings
-from handfast.stability.search.solve import LEAST, compiled
+from handfast.stability.search.solve import MIN_SEARCH_TIME, compiled
 from handfast.stability.studies.margin_search import OnSample
 
 A = TypeVar("A", bound=Answer)
-STRONG = 10.0  # times the largest load: a moderate command
-NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
+MODERATE_COMMAND = 10.0  # times the largest load: a moderate command
+NEGLIGIBLE_COMMAND = 1e-6  # share of the largest command below which one is rounding
 MARGINS = 0.25  # share of the time that is left for them, where they are asked
-HARD = 0.5  # share of the time that is left in which a load is to be decided under a preload
-FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
+LOAD_TIME_SHARE = 0.5  # share of the time that is left in which a load is to be decided under a preload
+PRELOAD_FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +238,7 @@ def moderate(grasp: Grasp, loads: Loads) -> float:
     w = loads.wrenches
     force = np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size
     arm = 1.0 if any(j.type == "prismatic" for j in grasp.joints) else grasp.size
-    return STRONG * float(force.max()) * arm
+    return MODERATE_COMMAND * float(force.max()) * arm
 
 
 class _HoldSearch:
@@ -323,7 +323,7 @@ class _HoldSearch:
         size = max(map(abs, shape.values()), default=0.0)
         if not size:
             return False
-        unit = {n: v / size for n, v in shape.items() if abs(v) > NEGLIGIBLE * size}
+        unit = {n: v / size for n, v in shape.items() if abs(v) > NEGLIGIBLE_COMMAND * size}
         as_it_is = False
         if equivalent_of(self.grasp).is_given and size < self.upper:  # more of it need not do better
             checks = self.checked(shape)
@@ -341,7 +341,7 @@ class _HoldSearch:
             if enough is None:
                 return as_it_is
             need = max(need, enough)
-        for factor in FACTORS:
+        for factor in PRELOAD_FACTORS:
             if self.late() or need * factor >= self.upper:
                 return as_it_is
             preload = {n: need * factor * v for n, v in unit.items()}
@@ -360,7 +360,7 @@ class _HoldSearch:
         first = self.resisted(unit, k)
         if not equivalent_of(self.grasp).is_given:
             return 1 / first if first > 0 else None
-        other = 1 / first if 0 < first < 1 or first > 1 else STRONG
+        other = 1 / first if 0 < first < 1 or first > 1 else MODERATE_COMMAND
         second = self.resisted({n: other * v for n, v in unit.items()}, k)
         if second == first:
             return other if second > 0 else None
@@ -374,7 +374,7 @@ class _HoldSearch:
         if not self.loads.wrenches[k].any():
             return np.inf  # any multiple of nothing, if the preload alone is resisted
         self.say(f"level of a preload for {self.loads.names[k]}")
-        settings = replace(self.within(self.settings, HARD), gap=1e-2, verify=False)
+        settings = replace(self.within(self.settings, LOAD_TIME_SHARE), gap=1e-2, verify=False)
         grasp, exact = self.grasp.with_commands(preload), GraspLimits(self.limits.eta)
         asked: dict[str, Any] = {"limits": exact, "settings": settings, "loading": self.loading}
         a = self.counted(maximum(grasp, self.loads.wrenches[k], **asked))
@@ -392,7 +392,7 @@ class _HoldSearch:
                 return ()
             self.say(f"{self.loads.names[k]} under a preload")
             # what slips is tried differently, so that its proof is not needed
-            settings = replace(self.within(self.settings, HARD), verify=False)
+            settings = replace(self.within(self.settings, LOAD_TIME_SHARE), verify=False)
             if self.along:
                 a = self.counted(paths.answer(check_along, grasp, self.loads.wrenches[k], settings))
             else:
@@ -439,7 +439,7 @@ class _HoldSearch:
 
     def within(self, settings: Settings, share: float) -> Settings:
         """The settings of a query that has a share of the time that is left."""
-        left = max(share * self.clock.seconds_left, LEAST)
+        left = max(share * self.clock.seconds_left, MIN_SEARCH_TIME)
         return replace(settings, timeout=min(settings.timeout, left))
 
     def counted(self, a: A) -> A:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Plane = Literal["xy", "xz", "yz"]
 NO_PROOFS = "maps and sweeps keep no witnesses and certificates; `handfast.verify(answer, replay=True)` asks again"
-MOST_STEPS = 1_000_000  # directions
+MAX_MAP_DIRECTIONS = 1_000_000  # directions
 PLANES: tuple[Plane, ...] = ("xy", "xz", "yz")
 
 
@@ -239,8 +239,8 @@ def ask_map(
     """What `handfast.force_map` answers, whose arguments and errors these are."""
     if plane not in PLANES:
         raise InputError(f"is '{plane}'; one of {', '.join(PLANES)} is needed", field="plane")
-    if not 1 <= steps <= MOST_STEPS:
-        raise InputError(f"is {steps}; 1 to {MOST_STEPS} directions are possible", field="steps")
+    if not 1 <= steps <= MAX_MAP_DIRECTIONS:
+        raise InputError(f"is {steps}; 1 to {MAX_MAP_DIRECTIONS} directions are possible", field="steps")
     point = frozen(at, (3,), "at")
     directions = in_plane(plane, steps)
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]

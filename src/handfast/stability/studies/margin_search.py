@@ -35,9 +35,9 @@ FRICTION_RESOLUTION = 1e-3
 TILTS = 0.5, 1.0, 2.0, 4.0, 8.0, 15.0  # [degrees] by which normals are tilted
 TILT_RESOLUTION = 0.05  # [degrees]
 
-TIME_LIMIT = 2.0  # [s] of each check of a changed grasp, unless the settings have a limit of their own
+CHECK_TIME_LIMIT = 2.0  # [s] of each check of a changed grasp, unless the settings have a limit of their own
 
-ALIGNED = 0.1  # a vector with a smaller share across a normal gives no direction for tilting it
+MIN_TILT_SHARE = 0.1  # a vector with a smaller share across a normal gives no direction for tilting it
 
 OnSample = Callable[[str], None]
 
@@ -69,7 +69,7 @@ def margin(
 
     Args:
         stiffness: [N/m] of every contact; by default a rubber fingertip pad's.
-        settings: of every check, limits included; without a time limit each changed grasp has `TIME_LIMIT`.
+        settings: of every check, limits included; without a time limit each changed grasp has `CHECK_TIME_LIMIT`.
         answer: that of `check` to the same question, if it is known already.
         on_progress: told in words what is asked next.
 
@@ -90,7 +90,7 @@ def margin(
         return None
     w = as_wrench(wrench)
     own = settings or Settings()
-    limited = own if np.isfinite(own.timeout) else replace(own, timeout=TIME_LIMIT)
+    limited = own if np.isfinite(own.timeout) else replace(own, timeout=CHECK_TIME_LIMIT)
     ask = _Ask(w, options | {"settings": limited}, on_progress)
     less = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 - x))])
     more = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 + x))])
@@ -125,7 +125,7 @@ def _across(c: Contact, v: Array) -> Array | None:
     """(3,) the unit vector across the normal that a vector points to; None if it is zero or along the normal."""
     t = v - (v @ c.normal) * c.normal
     length = float(np.linalg.norm(t))
-    return t / length if length > ALIGNED * float(np.linalg.norm(v)) else None
+    return t / length if length > MIN_TILT_SHARE * float(np.linalg.norm(v)) else None
 
 
 # --- changed grasps -----------------------------------------------------------------------------

@@ -43,8 +43,8 @@ from handfast.stability.studies.batch import Query, RowQuestion, answer_rows, as
 from handfast.stability.studies.hold import HoldAnswer, HoldOptions, OnSample
 from handfast.stability.studies.maps import MapAnswer, Plane
 
-NEAR = 0.2  # of a load: how far another one is from it at most for which its certificate is tried
-MOST_LEAVES = 100  # of such a certificate: with more a search takes no longer
+NEAR_LOAD = 0.2  # of a load: how far another one is from it at most for which its certificate is tried
+MAX_CERTIFICATE_LEAVES = 100  # of such a certificate: with more a search takes no longer
 
 One = Sequence[float] | Array
 Many = Loads | Sequence[Sequence[float]] | Sequence[Array]
@@ -127,7 +127,7 @@ class PreparedGrasp:
         backing: dict[str, Any] = {"verified": True, "posed": posed}
         slipped = self._slipped_near(w)
         if slipped is not None:
-            few = slipped.certificate is not None and len(slipped.certificate.leaves) <= MOST_LEAVES
+            few = slipped.certificate is not None and len(slipped.certificate.leaves) <= MAX_CERTIFICATE_LEAVES
             proof = slipped.under(w, clock.end) if few else None
             cost = time.perf_counter() - start, 0
             return CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, *cost, None, proof, **backing) if proof else None
@@ -146,7 +146,7 @@ class PreparedGrasp:
         if last is None or last.certificate is None or not self.settings.verify:
             return None
         before = last.certificate.question.wrench
-        near = np.linalg.norm(w - before) <= NEAR * np.linalg.norm(before)
+        near = np.linalg.norm(w - before) <= NEAR_LOAD * np.linalg.norm(before)
         return last if near else None
 
     @overload

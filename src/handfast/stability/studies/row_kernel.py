@@ -22,7 +22,13 @@ from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import State, StateRows
-from handfast.stability.problem.objective import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Objective
+from handfast.stability.problem.objective import (
+    ANY_STATE,
+    COMMAND_END_FACTOR,
+    END_TOLERANCE,
+    SMALLEST_PRELOAD,
+    Objective,
+)
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import VALID
 from handfast.stability.search.load_rows import BatchSearch, FoundRows, LoadMemory, LoadRows, Template
@@ -167,7 +173,7 @@ class RowKernel:
                 states = states.times(1.0 / found.scalar)
             else:
                 lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
-        unbounded = there & (lower >= loads.last_magnitude * (1 - NEAR_END))
+        unbounded = there & (lower >= loads.last_magnitude * (1 - END_TOLERANCE))
         good = there & np.isfinite(lower) & (lower > 0)
         residual = self._residuals(loads.grasp, good, B + np.where(good, lower, 0.0)[:, None] * W, states)
         endless = unbounded & (template.reach > 1.0)
@@ -208,7 +214,7 @@ class RowKernel:
 
 def _reach(grasp: AnyGrasp) -> float:
     """So many times farther than searches end it is looked for what is resisted of a direction that seems to slip."""
-    return 1.0 if isinstance(grasp, Grasp) and runs_away(grasp) else FARTHER
+    return 1.0 if isinstance(grasp, Grasp) and runs_away(grasp) else COMMAND_END_FACTOR
 
 
 def _slip(out: SettledRows, rows: Indices) -> None:

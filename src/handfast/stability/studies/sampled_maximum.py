@@ -29,7 +29,7 @@ from handfast.stability.problem.grasp_limits import MAX_ETA, GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import OnItem, max_many
 
-SHARES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95)  # of the samples, for which `quantiles` are given
+QUANTILE_SHARES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95)  # of the samples, for which `quantiles` are given
 TRUST = 0.95  # how often what is said of unseen grasps is to be true
 BOUNDS = {  # what is too large, and what is right
     "positions": (np.inf, "0 m or more"),
@@ -37,7 +37,7 @@ BOUNDS = {  # what is too large, and what is right
     "friction": (np.nextafter(1.0, 2.0), "a share from 0 to 1"),
     "command": (1.0, "a share from 0 to below 1, so that no command is lost"),
 }
-PARTS = ("positions", "normals", "friction", "command")  # each with random numbers of its own
+SAMPLED_PARTS = ("positions", "normals", "friction", "command")  # each with random numbers of its own
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Perturbation:
 
     def sample(self, grasp: Grasp, seed: int, number: int) -> Grasp:
         """The sample of this number: the same for the same seed, however many there are and whatever else varies."""
-        draws = {part: np.random.default_rng([seed, number, k]) for k, part in enumerate(PARTS)}
+        draws = {part: np.random.default_rng([seed, number, k]) for k, part in enumerate(SAMPLED_PARTS)}
         off = self.positions * _in_ball(draws["positions"], grasp.m)
         tilts = _in_cone(draws["normals"], grasp.m, self.normals)
         mu = grasp.mu * (1 + self.friction * draws["friction"].uniform(-1, 1, grasp.m))
@@ -90,7 +90,7 @@ class Perturbation:
 
     def to_json(self) -> dict[str, Any]:
         """The bounds by name, in SI units."""
-        return {part: float(getattr(self, part)) for part in PARTS}
+        return {part: float(getattr(self, part)) for part in SAMPLED_PARTS}
 
 
 def _moved(contact: Contact, off: Array, tilt: Array, friction: float) -> Contact:
@@ -154,7 +154,7 @@ class SampledMaximum(Presented):
     def quantiles(self) -> dict[float, float]:
         """The magnitude that a share of the decided samples does not exceed: a sample's own, none between two."""
         v = self.values
-        return {s: float(v[max(0, int(np.ceil(s * len(v))) - 1)]) for s in SHARES} if len(v) else {}
+        return {s: float(v[max(0, int(np.ceil(s * len(v))) - 1)]) for s in QUANTILE_SHARES} if len(v) else {}
 
     @property
     def below_nominal(self) -> float:

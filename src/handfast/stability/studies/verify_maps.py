@@ -13,8 +13,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.proofs import path_steps
-from handfast.proofs.answers import STOPS, VERDICTS
-from handfast.proofs.fields import SAME, BadFile, Fields, number, numbers
+from handfast.proofs.answers import SEARCH_STOPS, VERDICTS
+from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields, number, numbers
 from handfast.proofs.question import MAX_ETA
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
@@ -23,7 +23,7 @@ from handfast.stability.problem.settings import INF
 from handfast.stability.studies.ask_again import Asking, BoundsClaim, Claim, IntervalClaim, asked, together
 from handfast.stability.studies.maps import PLANES, forces_at, in_plane, of_all
 
-COURSE = "stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
+MAP_NOT_REPLAYED = "stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
 OLD = "is missing, so that it cannot be asked again: the file was written by an older Handfast; make it anew"
 OF_INTERVALS = "holds_from_zero_to", "holes", "unproved"
 
@@ -57,7 +57,7 @@ class Cell:
         """What of it contradicts itself; None if nothing."""
         if self.unbounded and self.upper < INF:
             return Replay(self.at("unbounded"), "it is unbounded", f"is true, with an upper bound of {self.upper:.9g}")
-        if self.lower > self.upper * (1 + SAME):
+        if self.lower > self.upper * (1 + EQUALITY_TOLERANCE):
             fault = f"is {self.lower:.9g}, above its upper bound {self.upper:.9g}"
             return Replay(self.at("lower"), "it is at most its upper bound", fault)
         if self.verdict is not None and self.verdict is not self.due:
@@ -114,7 +114,7 @@ def replay_map(data: Any, how: Asking) -> Replay:
     if not n:
         raise BadFile("is empty", "directions")
     due = in_plane(plane, n)
-    for k in np.flatnonzero(np.abs(directions - due).max(axis=1) > SAME).tolist():
+    for k in np.flatnonzero(np.abs(directions - due).max(axis=1) > EQUALITY_TOLERANCE).tolist():
         fault = f"is {directions[k].tolist()}; of {n} in the {plane} plane it is {due[k].tolist()}"
         faults.append(Replay(f"directions[{k}]", "it is a direction of the plane", fault))
     parts = []
@@ -165,7 +165,7 @@ def _header(data: Any, query: str) -> tuple[Fields, Verdict]:
     f.text("schema", among=["handfast/answer/1"])
     f.text("query", among=[query])
     verdict = Verdict(f.text("verdict", among=VERDICTS))
-    f.text("stop", among=STOPS)
+    f.text("stop", among=SEARCH_STOPS)
     f.number("seconds", least=0.0)
     f.whole("nodes")
     if not f.has("question"):
@@ -181,7 +181,7 @@ def _same_question(grasp: Grasp, terms: AskedWith, preload: dict[str, float], et
             fault = f"is {preload.get(name)}; the question's is {grasp.preload.get(name)}"
             out.append(Replay(f"preload.{name}", "it is that of the question", fault))
     degrees = float(np.degrees(terms.limits.eta))
-    if abs(eta - degrees) > SAME:
+    if abs(eta - degrees) > EQUALITY_TOLERANCE:
         fault = f"is {eta:g} degrees; the question's is {degrees:g}"
         out.append(Replay("eta", "it is that of the question", fault))
     return out
@@ -256,4 +256,4 @@ def _asked(query: str, parts: Sequence[_Part], terms: AskedWith, faults: list[Re
     for i, (name, what, _, _) in enumerate(parts):
         found = [part for k, told_again in zip(owner, done, strict=True) if k == i for part in told_again]
         out.append(together(name, what, [*wrong[i], *found]))
-    return Replay(query, parts=(*faults, *out), not_replayed=(COURSE,))
+    return Replay(query, parts=(*faults, *out), not_replayed=(MAP_NOT_REPLAYED,))

@@ -27,10 +27,10 @@ from handfast.synthesis.search.workspace import (
 from handfast.synthesis.task_groups import POSE
 from handfast.synthesis.task_problem import TaskProblem
 
-STEP, STEP_POSES = 2000, 10_000  # nodes of one call of a kernel; that of the poses learns within one
+STEP_NODES, STEP_POSES = 2000, 10_000  # nodes of one call of a kernel; that of the poses learns within one
 RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
-DEEPEST, DEEPEST_POSES = 4000, 256  # boxes on a kernel's stack; each of poses holds some of its contacts, too
-KEPT = 256  # small boxes of one call, where they are wanted
+MAX_STACK_BOXES, DEEPEST_POSES = 4000, 256  # boxes on a kernel's stack; each of poses holds some of its contacts, too
+KEPT_BOXES = 256  # small boxes of one call, where they are wanted
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +74,8 @@ class Boxes:
     concern: Indices
     words: str
     roots: tuple[SearchPart, ...]
-    deepest: int = DEEPEST
-    step: int = STEP
+    deepest: int = MAX_STACK_BOXES
+    step: int = STEP_NODES
     kept: int = 1  # which shows that this search cannot become empty
 
     def explore(self, waiting: Indices, budget: int) -> None:

@@ -24,19 +24,22 @@ from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.synthesis.search.boxes import KEPT, STEP, Boxes, ContactSet, PoseSpace, SearchPart
+from handfast.synthesis.search.boxes import KEPT_BOXES, STEP_NODES, Boxes, ContactSet, PoseSpace, SearchPart
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
 
-FIRST, SLICE = 2 * STEP, 20 * STEP  # boxes before another search has its turn: at the very beginning, and then
+FIRST_SLICE_BOXES, SLICE_BOXES = (
+    2 * STEP_NODES,
+    20 * STEP_NODES,
+)  # boxes before another search has its turn: at the very beginning, and then
 LONGER = 4  # turns grow to this fraction of what a search has had so far
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
 POSES = "poses"  # name of the pose-space search
-MOST = 8  # times as much for the searches that are likely to succeed as for all others together
-FEW = 2  # contacts of a set that may be one of those
+LIKELY_WEIGHT = 8  # times as much for the searches that are likely to succeed as for all others together
+MAX_LIKELY_CONTACTS = 2  # contacts of a set that may be one of those
 CELLS = 8  # each way, of a region: each has constants of its own
-UP = 1.0 + 1e-9  # over the rounding of `derivative_bounds`
+DERIVATIVE_INFLATION = 1.0 + 1e-9  # over the rounding of `derivative_bounds`
 FROM = 3  # contacts, for the pose-space search: with two of them the pose is too free
 
 
@@ -89,7 +92,7 @@ class Prover:
         subsets = [s for size in sizes for s in combinations(range(points), size)]
         rates, bounds = derivative_bounds(problem), cones(problem)
         self.domains: dict[str, Boxes] = {
-            "-".join(map(str, s)): ContactSet(problem, s, rates, bounds, kept=KEPT if s == subsets[-1] else 1)
+            "-".join(map(str, s)): ContactSet(problem, s, rates, bounds, kept=KEPT_BOXES if s == subsets[-1] else 1)
             for s in subsets
         }
         self.whole = next(reversed(self.domains))
@@ -164,7 +167,7 @@ class Prover:
         with a small box left can no longer become empty and has no more turns; the set of all contacts has some,
         since its small boxes are where configurations may be.
         """
-        for boxes in (FIRST, SLICE):
+        for boxes in (FIRST_SLICE_BOXES, SLICE_BOXES):
             for name in [s for s, x in self.searches.items() if x.state.nodes < boxes]:
                 sets = [s for s in self.searches if s != POSES and self._open(s)]
                 farthest = max(sets, key=lambda s: self.searches[s].state.discarded, default=name)
@@ -172,7 +175,7 @@ class Prover:
                     yield from self._turn(turn, boxes)
         while any(map(self._open, self._shares)):
             name = min(filter(self._open, self._shares), key=lambda s: self._spent(s) / self._shares[s])
-            yield from self._turn(name, max(SLICE, self.searches[name].state.nodes // LONGER))
+            yield from self._turn(name, max(SLICE_BOXES, self.searches[name].state.nodes // LONGER))
 
     def _spent(self, name: str) -> int:
         """What a search has taken so far: its boxes, those of sets times the contacts, by which they take longer."""
@@ -188,9 +191,13 @@ class Prover:
         names = {tuple(map(int, name.split("-"))): name for name in self.searches if name != POSES}
         with self._limits.paused():
             may = suspects(self.problem.task, list(names))
-        pairs = [names[s] for s, least in may.items() if least and len(s) <= FEW]
+        pairs = [names[s] for s, least in may.items() if least and len(s) <= MAX_LIKELY_CONTACTS]
         rest = [names[s] for s in may if names[s] not in pairs]
-        parts = ((pairs, MOST), ([POSES] if POSES in self.searches else [], 1 if pairs else MOST), (rest, 1))
+        parts = (
+            (pairs, LIKELY_WEIGHT),
+            ([POSES] if POSES in self.searches else [], 1 if pairs else LIKELY_WEIGHT),
+            (rest, 1),
+        )
         return {name: part / len(group) for group, part in parts for name in group}
 
     def _turn(self, name: str, boxes: int) -> Generator[None, None, None]:
@@ -281,7 +288,7 @@ def derivative_bounds(problem: TaskProblem) -> Array:
             if not region.ball or i == 0:
                 surface, normal = region.derivative_bounds(CELLS)
                 outward = radius * normal if i == 0 else 0.0
-                out[k, i] = np.concatenate([(surface + outward) / problem.unit, normal], axis=2) * UP
+                out[k, i] = np.concatenate([(surface + outward) / problem.unit, normal], axis=2) * DERIVATIVE_INFLATION
                 if region.ball:  # its parameters are no fractions; the constants hold everywhere
                     out[k, i, 0, 1] = np.nan
     return out

@@ -15,11 +15,11 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.core.groups import Block, table
 from handfast.proofs.configurations import ContactPoint, Existence
-from handfast.synthesis.distance import LENGTH
+from handfast.synthesis.distance import RADIAN_LENGTH
 from handfast.synthesis.search.library import LIBRARY
 from handfast.synthesis.search.workspace import (
-    ALIGNED,
-    NUMBERS,
+    PLACEMENT_NUMBERS,
+    POSE_TRIES,
     PROVED,
     UNPROVED,
     USED,
@@ -32,8 +32,8 @@ from handfast.synthesis.search.workspace import (
 )
 from handfast.synthesis.task_problem import TaskProblem
 
-BLOCK = 256  # starts that share one seed: the unit in which a search is resumed
-STEP = 1.0  # longest step, in the measure of `distance`
+START_BLOCK = 256  # starts that share one seed: the unit in which a search is resumed
+MAX_START_STEP = 1.0  # longest step, in the measure of `distance`
 WALKS = 256  # steps of one call
 WALK_SEED = 1_000_003  # tells the random numbers of the steps from those of the starts
 
@@ -88,23 +88,23 @@ class Starts:
 
     def __init__(self, problem: TaskProblem, seed: int, block: int = 0) -> None:
         self.problem, self.seed, self.block = problem, seed, block
-        self.count = block * BLOCK
+        self.count = block * START_BLOCK
         self.unproved = 0
         self._interior, self._task = interior(problem.flat), tuple(map(table, problem.flat))
         self._work = tuple(map(Block, local_work(problem.flat, problem.equations)))
-        self._block = Block(found(problem.n, problem.equations, BLOCK))
+        self._block = Block(found(problem.n, problem.equations, START_BLOCK))
         self._kernel = LIBRARY.functions  # compiles where that has not been done yet
 
     @property
     def _width(self) -> int:
-        return self.problem.n + 1 + ALIGNED * NUMBERS
+        return self.problem.n + 1 + POSE_TRIES * PLACEMENT_NUMBERS
 
-    def run(self, many: int = BLOCK) -> list[Certified]:
+    def run(self, many: int = START_BLOCK) -> list[Certified]:
         """The certified configurations of the next block, at most `many`; the rest of the block is left out."""
-        numbers = np.random.default_rng([self.seed, self.block]).random((BLOCK, self._width))
+        numbers = np.random.default_rng([self.seed, self.block]).random((START_BLOCK, self._width))
         out: list[Certified] = []
         first = 0
-        while first < BLOCK and len(out) < many:
+        while first < START_BLOCK and len(out) < many:
             some, used = self._find(numbers[first:], many - len(out))
             out += some
             first += used
@@ -150,7 +150,7 @@ class Walks:
         for row, k in zip(begin, rng.integers(max(len(pool), 1), size=m), strict=True):
             row[:] = pool[k].x
         self.round += bool(pool)
-        return self.steps(begin, rng.standard_normal((m, n)), STEP * rng.random(m))
+        return self.steps(begin, rng.standard_normal((m, n)), MAX_START_STEP * rng.random(m))
 
     def steps(self, begin: Array, directions: Array, lengths: Array) -> list[Certified]:
         """Those steps from configurations `begin` (m, n) that end in certified ones, in order.
@@ -175,7 +175,7 @@ def _weights(problem: TaskProblem) -> Array:
     out = np.ones(problem.n)
     for i, label in enumerate(problem.labels):
         if label in straight or label.startswith("position:"):
-            out[i] = problem.unit / LENGTH
+            out[i] = problem.unit / RADIAN_LENGTH
         elif label.startswith("quaternion:"):
             out[i] = 2.0  # a unit quaternion turns by half the angle
     return out

@@ -23,10 +23,10 @@ from handfast.core.groups import (
 )
 from handfast.synthesis.task_groups import Flat
 
-MARGIN = 1e-4  # candidates keep this far inside every bound, so that strictness costs nothing
-ALIGNED = 8  # random poses of which a start takes the one that violates the pose bounds least
-NUMBERS = 8  # random numbers that place the object once
-AXES = 18  # inequalities that bound the object's axes
+CANDIDATE_MARGIN = 1e-4  # candidates keep this far inside every bound, so that strictness costs nothing
+POSE_TRIES = 8  # random poses of which a start takes the one that violates the pose bounds least
+PLACEMENT_NUMBERS = 8  # random numbers that place the object once
+AXIS_INEQUALITIES = 18  # inequalities that bound the object's axes
 MOST_LEFT = 48  # boxes of a contact's own coordinates that a box of poses hands on to its halves
 DEEPEST_INNER = 400  # boxes on the stack of an inner search, of one contact in a box of poses
 PROVED, USED, UNPROVED = 0, 1, 2  # places in `Found.counts`
@@ -36,7 +36,7 @@ LEFT, SMALL, NODES = 0, 1, 2  # places in `Stack.counts`
 
 
 class Interior(NamedTuple):
-    """The bounds of the coordinates, drawn in by `MARGIN` or by a quarter of what there is between them."""
+    """The bounds of the coordinates, drawn in by `CANDIDATE_MARGIN` or by a quarter of what there is between them."""
 
     lower: Reals  # (n,)
     upper: Reals  # (n,)
@@ -66,7 +66,7 @@ class SystemValues(NamedTuple):
 
     equation: RealMatrix  # (e, 2)
     equation_slope: RealMatrices  # (e, n, 2) derivatives
-    inequality: RealMatrix  # (g, 2) one a contact: within its cone, or normals that oppose; then `AXES`
+    inequality: RealMatrix  # (g, 2) one a contact: within its cone, or normals that oppose; then `AXIS_INEQUALITIES`
     inequality_slope: RealMatrices  # (g, n, 2) derivatives
 
 
@@ -156,13 +156,13 @@ class Found(NamedTuple):
 def interior(flat: Flat) -> Interior:
     """Of the coordinates of a task."""
     lower, upper = flat.coordinates.lower, flat.coordinates.upper
-    drawn = np.minimum(MARGIN, 0.25 * (upper - lower))
+    drawn = np.minimum(CANDIDATE_MARGIN, 0.25 * (upper - lower))
     return Interior(lower + drawn, upper - drawn)
 
 
 def local_work(flat: Flat, e: int) -> tuple[Layout[Any], ...]:
     """A `LocalWork` for a task of e equations, one layout a field."""
-    n, g = len(flat.coordinates.lower), len(flat.chains.joints) + AXES
+    n, g = len(flat.coordinates.lower), len(flat.chains.joints) + AXIS_INEQUALITIES
     m, joints, weights = e + g, flat.chains.kind.shape[1] + 1, _degree(flat) + 1
     system = {"equation": (e, 2), "equation_slope": (e, n, 2), "inequality": (g, 2), "inequality_slope": (g, n, 2)}
     contact: dict[str, tuple[int, ...]] = dict.fromkeys(ContactBalls._fields, (3, 2))

@@ -12,7 +12,6 @@ import numpy as np
 from handfast.core.compiled import inner, larger, smaller
 from handfast.stability.search.arrays import (
     ANY,
-    COUNTS,
     DROPS,
     ENOUGH,
     FAILURES,
@@ -31,16 +30,21 @@ from handfast.stability.search.arrays import (
     UNRESOLVED,
     USED,
     WAITING,
+    WORKER_COUNTS,
 )
 from handfast.stability.search.kernel.newton import refine
 from handfast.stability.search.kernel.tree import corner, is_better, run
 
-NEAREST = 2  # solutions of rows before, from which Newton's method is tried first where any state will do
-TOLERANCE = 1e-6  # (scaled) below which motions and forces of theirs count as none
-SLICE = 64  # nodes between two looks at how many programs fail,
-MANY, TROUBLE = 128, 0.2  # from so many on: this share is too much
-CLOSING, WIDER, CUTS = 1e-6, 50.0, 4  # relative distance of the first cut that is to close what waits; of the next
-NEAR_END = 1e-6  # relative: an objective so near the first of its range is at its end
+NEWTON_GUESSES = 2  # solutions of rows before, from which Newton's method is tried first where any state will do
+NEGLIGIBLE_MOTION = 1e-6  # (scaled) below which motions and forces of theirs count as none
+ROW_SLICE_NODES = 64  # nodes between two looks at how many programs fail,
+MIN_FAILURE_NODES, MAX_FAILURE_SHARE = 128, 0.2  # from so many on: this share is too much
+FIRST_CUT_DISTANCE, CUT_GROWTH, MAX_CUTS = (
+    1e-6,
+    50.0,
+    4,
+)  # relative distance of the first cut that is to close what waits; of the next
+RANGE_END_TOLERANCE = 1e-6  # relative: an objective so near the first of its range is at its end
 
 
 @inner
@@ -118,7 +122,7 @@ def known(question, worker, room, rows, i):
     n = question.cost.shape[0]
     last = -1
     before = -1.0
-    for attempt in range(NEAREST + 1):
+    for attempt in range(NEWTON_GUESSES + 1):
         pick = -1
         if attempt > 0:
             least = np.inf
@@ -138,7 +142,7 @@ def known(question, worker, room, rows, i):
         for j in range(n):
             room.start[j] = rows.z[pick, j] if pick >= 0 else 0.0
         hold = question.objective == SCALAR  # no literal, for which all would be compiled once more
-        if refine(question, worker.hi, room, TOLERANCE, hold) and is_better(question, worker, room, 0.0, 0.0):
+        if refine(question, worker.hi, room, NEGLIGIBLE_MOTION, hold) and is_better(question, worker, room, 0.0, 0.0):
             return True
     return False
 
@@ -147,7 +151,7 @@ def known(question, worker, room, rows, i):
 def begin(question, worker, pool, kept):
     """A tree with nothing but its root."""
     n = question.cost.shape[0]
-    for k in range(len(COUNTS)):
+    for k in range(len(WORKER_COUNTS)):
         worker.counts[k] = 0
     worker.counts[USED] = 1
     worker.counts[HEAP] = 1
@@ -172,16 +176,16 @@ def searched(question, worker, pool, kept, node, work, room, gap, gap_absolute, 
     spent = 0
     close = budget < 0
     while True:
-        slice_ = smaller(SLICE, budget)
+        slice_ = smaller(ROW_SLICE_NODES, budget)
         why = run(question, worker, pool, kept, node, work, room, gap, gap_absolute, slice_, close)
         if why == FOUND:
             return HELD
-        spent += SLICE
+        spent += ROW_SLICE_NODES
         nodes = worker.counts[NODES] + 1
         failed = worker.counts[RESTARTS] + worker.counts[DROPS] + worker.counts[FAILURES]
         if why != ENOUGH:
             break
-        if spent >= budget or (nodes >= MANY and failed >= TROUBLE * nodes):
+        if spent >= budget or (nodes >= MIN_FAILURE_NODES and failed >= MAX_FAILURE_SHARE * nodes):
             return HARD
     if why == ROOM:
         return HARD
@@ -199,8 +203,8 @@ def closed(question, worker, pool, kept, node, work, room, gap, gap_absolute):
     for k in range(used):
         if pool.status[k] == WAITING or pool.status[k] == UNRESOLVED:
             low = smaller(low, pool.bound[k])
-    margin = CLOSING
-    for _ in range(CUTS):
+    margin = FIRST_CUT_DISTANCE
+    for _ in range(MAX_CUTS):
         cut = low - margin * larger(abs(low), margin)
         if not (cut >= question.lo[0] and cut < np.inf):
             break
@@ -220,7 +224,7 @@ def closed(question, worker, pool, kept, node, work, room, gap, gap_absolute):
             unresolved += pool.status[k] == UNRESOLVED
         if unresolved == 0:
             return True
-        margin *= WIDER
+        margin *= CUT_GROWTH
     return False
 
 
@@ -229,14 +233,14 @@ def move_inside(question, worker, room, rows, i, inside):
     """A solution a little inside the largest, as in a search by itself, where there is one: into the row's `z`."""
     value = rows.best[i]
     end = rows.lo[i, 0]
-    rows.at_end[i] = end > -np.inf and value <= end + NEAR_END * abs(end)
+    rows.at_end[i] = end > -np.inf and value <= end + RANGE_END_TOLERANCE * abs(end)
     if rows.at_end[i]:
         return
     question.lo[0] = value * (1.0 + (inside if value > 0.0 else -inside))
     for j in range(room.start.shape[0]):
         room.start[j] = rows.z[i, j]
     hold = question.objective == SCALAR
-    if refine(question, worker.hi, room, TOLERANCE, hold):
+    if refine(question, worker.hi, room, NEGLIGIBLE_MOTION, hold):
         rows.best[i] = question.lo[0]
         for j in range(room.start.shape[0]):
             rows.z[i, j] = room.z[j]

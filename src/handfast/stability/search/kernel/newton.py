@@ -16,14 +16,14 @@ from handfast.core.compiled import inner, larger, length, quick
 from handfast.stability.search.arrays import ANY
 from handfast.stability.search.kernel.values import values
 
-CONVERGED = 1e-13  # scaled residual at which Newton stops
+NEWTON_TOLERANCE = 1e-13  # scaled residual at which Newton stops
 GOOD = 1e-10  # scaled residual that is accepted when it cannot be lowered further: motions of 1e4 round to 1e-11
-ITERATIONS = 12  # Newton steps and their halvings
-HALVINGS = 3
+NEWTON_STEPS = 12  # Newton steps and their halvings
+STEP_HALVINGS = 3
 REPAIRS = 5  # changes of modes before giving up
-STILL = 1e-9  # sliding less than this has no direction yet
-SLACK = 1e-10  # an inequality may be missed by this much; the judge allows 1e-9
-RANK = 1e-11  # a gradient whose independent part is shorter than this, relatively, adds nothing
+MIN_SLIDE = 1e-9  # sliding less than this has no direction yet
+INEQUALITY_SLACK = 1e-10  # an inequality may be missed by this much; the judge allows 1e-9
+MIN_GRADIENT_SHARE = 1e-11  # a gradient whose independent part is shorter than this, relatively, adds nothing
 
 # what a contact does
 OPEN = 0  # c = 0, d^_n >= 0
@@ -60,7 +60,7 @@ def least_step(room, count):
         room.rest[e] = total
     for _ in range(min(count, n)):
         pick = -1
-        best = RANK * RANK
+        best = MIN_GRADIENT_SHARE * MIN_GRADIENT_SHARE
         for e in range(count):
             if room.sizes[e] > 0.0 and room.rest[e] / room.sizes[e] > best:
                 pick = e
@@ -182,7 +182,7 @@ def contact(i, question, e, room):
         w = mu * cn
         x1 = u1
         x2 = u2
-        if speed <= STILL and force > 0.0:  # not yet sliding: friction keeps its direction
+        if speed <= MIN_SLIDE and force > 0.0:  # not yet sliding: friction keeps its direction
             x1 = -c1 / force
             x2 = -c2 / force
         else:  # (7) divided by |d_t|
@@ -251,7 +251,7 @@ def soft_finger(i, question, e, room):
         x1 = d1 * inverse
         x2 = d2 * inverse
         x3 = d3 * inverse
-        if speed <= STILL and force > 0.0:  # not yet sliding: friction keeps its direction
+        if speed <= MIN_SLIDE and force > 0.0:  # not yet sliding: friction keeps its direction
             x1 = -c1 / force
             x2 = -c2 / force
             x3 = -c3 / force
@@ -389,7 +389,7 @@ def other_contact(i, question, slack, across, room):
     beyond = force - question.mu[i] * c[k]  # of the cone
     mode = room.modes[i]
     if mode == OPEN and gap < -slack:
-        closed = (SLIDE if speed > STILL else STICK) if question.dissipation else LOOSE
+        closed = (SLIDE if speed > MIN_SLIDE else STICK) if question.dissipation else LOOSE
         return closed if across else GRAZE
     if mode > GRAZE and c[k] < -slack:
         return OPEN
@@ -409,7 +409,7 @@ def solve_modes(question, hi, hold, room):
     halvings = 0
     for j in range(n):
         room.trial[j] = room.z[j]
-    for _ in range(ITERATIONS):
+    for _ in range(NEWTON_STEPS):
         values(question, room.trial, room.c, room.d)
         count = equations(question, hi, hold, room)
         worst = 0.0
@@ -423,12 +423,12 @@ def solve_modes(question, hi, hold, room):
             halvings = 0
             for j in range(n):
                 room.z[j] = room.trial[j]
-            if error <= CONVERGED * force:
+            if error <= NEWTON_TOLERANCE * force:
                 break
             least_step(room, count)
         else:
             halvings += 1
-            if halvings == HALVINGS or error <= GOOD * force:
+            if halvings == STEP_HALVINGS or error <= GOOD * force:
                 break
             for j in range(n):
                 room.step[j] *= 0.5
@@ -463,7 +463,7 @@ def refine(question, hi, room, tolerance, hold):
             for j in range(n if repairs == 0 else 0):
                 room.first[j] = room.z[j]  # where the other way begins, too
             values(question, room.z, room.c, room.d)
-            if not repair(question, hi, SLACK * force, attempt == 1, room):
+            if not repair(question, hi, INEQUALITY_SLACK * force, attempt == 1, room):
                 return True
     return False
 

@@ -27,7 +27,7 @@ from handfast.stability.search.rows import (
     GAP_UP,
     HIGH,
     INDEX,
-    KIND,
+    KIND_SHIFT,
     LOCKED,
     LOW,
     MOVES,
@@ -36,27 +36,27 @@ from handfast.stability.search.rows import (
     PLAIN_UP,
     S_DOWN,
     S_UP,
-    SIDE,
+    SIDE_SHIFT,
     SLIDE,
     SOFT_CHORD,
     SOFT_TANGENT,
     STICK,
-    STILL,
+    STILL_ROW,
     T_DOWN,
     T_UP,
     TANGENT,
-    TURN,
+    TURN_DIRECTIONS,
     TURN_DOWN,
     TURN_UP,
 )
 
-FEASIBLE = 1e-9  # a row that is violated by less is met
+ROW_TOLERANCE = 1e-9  # a row that is violated by less is met
 
 
 @inner
 def trigonometry(question, node):
     """Sector ends as unit vectors, cos and sin of the left end, of the right end; patches of soft fingers."""
-    turn = 2 * np.pi / TURN
+    turn = 2 * np.pi / TURN_DIRECTIONS
     m = question.m
     for i in range(m):
         if question.soft[i] >= 0:
@@ -80,30 +80,32 @@ def price(question, hi, node, c, d, tolerance, cone):
     found = -1
     for i in range(m):
         if not node.skip[i]:
-            worst, found = contact(i, question, node, c, d, cone - FEASIBLE, worst, found)
+            worst, found = contact(i, question, node, c, d, cone - ROW_TOLERANCE, worst, found)
     for j in range(question.a):
         if not node.skip[m + j]:
             worst, found = actuator(j, question, node, c, d, worst, found)
     for k in range(question.lo.shape[0]):
         if not node.skip[m + question.a + k]:
             worst, found = plain(k, question, hi, c, d, worst, found)
-    kind = found >> KIND
+    kind = found >> KIND_SHIFT
     if kind == SOFT_TANGENT:
         i = (found >> INDEX) & 255
         s = c[question.twist + question.soft[i]]
-        steps = TURN // 4 if node.state[i] == OPEN else 1
-        around = int(np.rint(np.arctan2(c[3 * i + 2], c[3 * i + 1]) * (TURN / (2 * np.pi * steps)))) * steps
+        steps = TURN_DIRECTIONS // 4 if node.state[i] == OPEN else 1
+        around = int(np.rint(np.arctan2(c[3 * i + 2], c[3 * i + 1]) * (TURN_DIRECTIONS / (2 * np.pi * steps)))) * steps
         flat = np.sqrt(c[3 * i + 1] * c[3 * i + 1] + c[3 * i + 2] * c[3 * i + 2])
-        up = int(np.rint(np.arctan2(s, flat) * (TURN / (2 * np.pi * steps)))) * steps
-        found |= ((around % TURN) << ANGLE) | (up % TURN)
+        up = int(np.rint(np.arctan2(s, flat) * (TURN_DIRECTIONS / (2 * np.pi * steps)))) * steps
+        found |= ((around % TURN_DIRECTIONS) << ANGLE) | (up % TURN_DIRECTIONS)
     elif found >= 0 and (kind == TANGENT or (kind == GAP_DOWN and question.sin > 0.0)):  # where it is violated most
         i = (found >> INDEX) & 255
         k = 3 * i
         x = c[k + 1] if kind == TANGENT else -d[k + 1]
         y = c[k + 2] if kind == TANGENT else -d[k + 2]
-        steps = TURN // 4 if node.state[i] == OPEN else 1  # tangents along the axes bring c_t to zero at once
-        angle = int(np.rint(np.arctan2(y, x) * (TURN / (2 * np.pi * steps)))) * steps
-        found |= (angle % TURN) << ANGLE
+        steps = (
+            TURN_DIRECTIONS // 4 if node.state[i] == OPEN else 1
+        )  # tangents along the axes bring c_t to zero at once
+        angle = int(np.rint(np.arctan2(y, x) * (TURN_DIRECTIONS / (2 * np.pi * steps)))) * steps
+        found |= (angle % TURN_DIRECTIONS) << ANGLE
     return found
 
 
@@ -129,7 +131,7 @@ def contact(i, question, node, c, d, loose, worst, found):
     gap = question.cos * d[k]
     if -cn > worst:
         worst = -cn
-        found = here | (CN_UP << KIND)
+        found = here | (CN_UP << KIND_SHIFT)
     soft = question.soft[i] >= 0
     if soft:
         worst, found = twisting(i, question, node, c, d, loose, worst, found)
@@ -137,7 +139,7 @@ def contact(i, question, node, c, d, loose, worst, found):
         x = np.sqrt(c1 * c1 + c2 * c2) - mu * cn - loose
         if x > worst:
             worst = x
-            found = here | (TANGENT << KIND)
+            found = here | (TANGENT << KIND_SHIFT)
     reach = 0.0  # sin(eta) |d_t|, from above
     if lb > la and not soft:
         worst, found, reach = sector(i, question, node, c, d, worst, found)
@@ -151,27 +153,27 @@ def contact(i, question, node, c, d, loose, worst, found):
             x = -gap - reach
         if x > worst:
             worst = x
-            found = here | (kind << KIND)
+            found = here | (kind << KIND_SHIFT)
             if not soft:
                 found |= (la << ANGLE) | lb
     if state == OPEN:
         if cn > worst:
             worst = cn
-            found = here | (CN_DOWN << KIND)
+            found = here | (CN_DOWN << KIND_SHIFT)
     elif state >= CLOSED:
         x = cn + gap
         if sin > 0.0:
             x += sin * np.sqrt(d1 * d1 + d2 * d2) - loose
         if x > worst:
             worst = x
-            found = here | (GAP_DOWN << KIND)
+            found = here | (GAP_DOWN << KIND_SHIFT)
         if state == STICK:
             x = larger(abs(d1), abs(d2))
             if x > worst:
                 worst = x
-                kind = STILL + (0 if abs(d1) == x else 2)
+                kind = STILL_ROW + (0 if abs(d1) == x else 2)
                 kind += 1 if (d1 if abs(d1) == x else d2) > 0.0 else 0
-                found = here | (kind << KIND)
+                found = here | (kind << KIND_SHIFT)
     return worst, found
 
 
@@ -190,19 +192,19 @@ def twisting(i, question, node, c, d, loose, worst, found):
     x = np.sqrt(c1 * c1 + c2 * c2 + c3 * c3) - question.mu[i] * c[k] - loose
     if x > worst:
         worst = x
-        found = here | (SOFT_TANGENT << KIND)
+        found = here | (SOFT_TANGENT << KIND_SHIFT)
     if node.state[i] == STICK:
         x = abs(d3)
         if x > worst:
             worst = x
-            found = here | ((TURN_DOWN if d3 > 0.0 else TURN_UP) << KIND)
+            found = here | ((TURN_DOWN if d3 > 0.0 else TURN_UP) << KIND_SHIFT)
     elif node.state[i] == SLIDE:
         here |= node.state[m + i]
         out = node.trig[i]
         x = question.mu[i] * out[REACH] * c[k] - out[MIDDLE] * c1 - out[MIDDLE + 1] * c2 - out[MIDDLE + 2] * c3
         if x > worst:
             worst = x
-            found = here | (SOFT_CHORD << KIND)
+            found = here | (SOFT_CHORD << KIND_SHIFT)
         for side in range(3):
             n1 = out[3 * side]
             n2 = out[3 * side + 1]
@@ -210,11 +212,11 @@ def twisting(i, question, node, c, d, loose, worst, found):
             x = n1 * d1 + n2 * d2 + n3 * d3
             if x > worst:
                 worst = x
-                found = here | (side << SIDE) | (D_SIDE << KIND)
+                found = here | (side << SIDE_SHIFT) | (D_SIDE << KIND_SHIFT)
             x = -n1 * c1 - n2 * c2 - n3 * c3
             if x > worst:
                 worst = x
-                found = here | (side << SIDE) | (C_SIDE << KIND)
+                found = here | (side << SIDE_SHIFT) | (C_SIDE << KIND_SHIFT)
     return worst, found
 
 
@@ -238,26 +240,26 @@ def sector(i, question, node, c, d, worst, found):
     x = xa * d2 - ya * d1
     if x > worst:
         worst = x
-        found = here | (D_LEFT << KIND) | (la << ANGLE)
+        found = here | (D_LEFT << KIND_SHIFT) | (la << ANGLE)
     x = yb * d1 - xb * d2
     if x > worst:
         worst = x
-        found = here | (D_RIGHT << KIND) | lb
+        found = here | (D_RIGHT << KIND_SHIFT) | lb
     reach = -question.sin * ((xa + xb) * d1 + (ya + yb) * d2) / h if question.sin > 0.0 else 0.0
     if node.state[i] == SLIDE:
         x = 0.5 * (question.mu[i] * h * c[k] - (xa + xb) * c1 - (ya + yb) * c2)
         if x > worst:
             worst = x
-            found = here | (CHORD << KIND) | (la << ANGLE) | lb
+            found = here | (CHORD << KIND_SHIFT) | (la << ANGLE) | lb
     if node.state[i] != OPEN:
         x = ya * c1 - xa * c2
         if x > worst:
             worst = x
-            found = here | (C_LEFT << KIND) | (la << ANGLE)
+            found = here | (C_LEFT << KIND_SHIFT) | (la << ANGLE)
         x = xb * c2 - yb * c1
         if x > worst:
             worst = x
-            found = here | (C_RIGHT << KIND) | lb
+            found = here | (C_RIGHT << KIND_SHIFT) | lb
     return worst, found, reach
 
 
@@ -272,22 +274,22 @@ def actuator(j, question, node, c, d, worst, found):
     here = j << INDEX
     if -t > worst:
         worst = -t
-        found = here | (T_UP << KIND)
+        found = here | (T_UP << KIND_SHIFT)
     if moves in (LOCKED, HIGH, LOW) and t > worst:
         worst = t
-        found = here | (T_DOWN << KIND)
+        found = here | (T_DOWN << KIND_SHIFT)
     if (moves in (MOVES, ABOVE) or not driven) and -c[k] > worst:
         worst = -c[k]
-        found = here | (E_UP << KIND)
+        found = here | (E_UP << KIND_SHIFT)
     if (moves == LOW or (moves == MOVES and not driven)) and c[k] > worst:
         worst = c[k]
-        found = here | (E_DOWN << KIND)
+        found = here | (E_DOWN << KIND_SHIFT)
     if driven and moves in (MOVES, BELOW) and -c[k + 1] > worst:
         worst = -c[k + 1]
-        found = here | (S_UP << KIND)
+        found = here | (S_UP << KIND_SHIFT)
     if moves == HIGH and c[k + 1] > worst:
         worst = c[k + 1]
-        found = here | (S_DOWN << KIND)
+        found = here | (S_DOWN << KIND_SHIFT)
     return worst, found
 
 
@@ -298,8 +300,8 @@ def plain(k, question, hi, c, d, worst, found):
     x = c[at] if at < question.F else d[at - question.F + 3 * question.m + question.a]
     if question.lo[k] - x > worst:
         worst = question.lo[k] - x
-        found = (k << INDEX) | (PLAIN_UP << KIND)
+        found = (k << INDEX) | (PLAIN_UP << KIND_SHIFT)
     if x - hi[k] > worst:
         worst = x - hi[k]
-        found = (k << INDEX) | (PLAIN_DOWN << KIND)
+        found = (k << INDEX) | (PLAIN_DOWN << KIND_SHIFT)
     return worst, found

@@ -11,10 +11,10 @@ box with the coefficients themselves, small parts of the wrong sign and the rows
 inverse is made afresh; if that does not help, the rows of that contact or actuator are left out, which only loosens the
 program.
 
-Tolerances are absolute, forces and motions being scaled by the force scale: `FEASIBLE` for rows, the caller's for
-friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no other,
-which nearly parallel rows need, `FIRM` where such rows have made the matrix singular). The inverse is made afresh after
-`REFRESH` exchanges; a singular matrix is reported, and the caller starts again from the box.
+Tolerances are absolute, forces and motions being scaled by the force scale: `ROW_TOLERANCE` for rows, the caller's for
+friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`FALLBACK_PIVOT` where there is no
+other, which nearly parallel rows need, `FIRM` where such rows have made the matrix singular). The inverse is made
+afresh after `REFRESH` exchanges; a singular matrix is reported, and the caller starts again from the box.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 
 from handfast.core.compiled import larger, quick, smaller
 from handfast.stability.search.arrays import DROPS, EXCHANGES
-from handfast.stability.search.kernel.price import FEASIBLE, price, trigonometry
+from handfast.stability.search.kernel.price import ROW_TOLERANCE, price, trigonometry
 from handfast.stability.search.kernel.split import select
 from handfast.stability.search.kernel.values import blend, row, values
 from handfast.stability.search.rows import (
@@ -31,7 +31,7 @@ from handfast.stability.search.rows import (
     BOX_UP,
     ENERGY,
     INDEX,
-    KIND,
+    KIND_SHIFT,
     OPEN,
     PLAIN_DOWN,
     S_DOWN,
@@ -44,11 +44,11 @@ OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
 NO_RAY, RAY, RAY_OF_BOX = 0, 1, 2  # what an entering row that nothing can leave for shows
 ATTEMPTS = 3  # at a node: from a working set that was left, from the box, and there with firm pivots only
 PIVOT, FIRM = 1e-7, 1e-5
-SMALL = 1e-10
+FALLBACK_PIVOT = 1e-10
 BLUR, CAUTIOUS = 1e-9, 1e-6  # multipliers may turn negative by this for a better pivot; rays do not care
-ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
+RAY_ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
 PURE = 1e-10  # relative: a ray with more than this of the box is none
-WIDE = 1e3  # the box, where a program seems empty for its sake
+BOX_WIDENING = 1e3  # the box, where a program seems empty for its sake
 MISSING = 0.1  # (scaled) energy by which the balance must be missed for its row to enter
 REFRESH = 80
 MOST_EXCHANGES = 500
@@ -124,7 +124,7 @@ def solve(question, hi, node, work, counts, cone, loose, attempt, data, balance)
     usual = FIRM if attempt == 2 else PIVOT
     least = usual
     wide = False
-    tolerance = FEASIBLE
+    tolerance = ROW_TOLERANCE
     node.violation[2] = loose
     for exchange in range(MOST_EXCHANGES):
         if since >= REFRESH:
@@ -137,7 +137,7 @@ def solve(question, hi, node, work, counts, cone, loose, attempt, data, balance)
             fresh = False
         enter = price(question, hi, node, work.c, work.d, tolerance, node.violation[2])
         if enter < 0 and balance >= 0 and imbalance(question, node, work, data, balance) >= MISSING:
-            enter = (ENERGY << KIND) | balance
+            enter = (ENERGY << KIND_SHIFT) | balance
         if enter < 0 and node.violation[2] > cone:
             pick = select(question, node, work.c, work.d, cone, node.violation[2])
             if node.violation[0] < MUCH * loose or (0 <= pick < question.m and node.state[pick] in (OPEN, SLIDE)):
@@ -169,11 +169,11 @@ def solve(question, hi, node, work, counts, cone, loose, attempt, data, balance)
                 since = REFRESH  # once more with a fresh inverse
                 continue
             if leave < 0 and least == PIVOT and daring:
-                least = SMALL  # nearly parallel rows: better a poor pivot than none
+                least = FALLBACK_PIVOT  # nearly parallel rows: better a poor pivot than none
                 continue
             if daring:
                 return FAILED  # a poor working set: the caller starts again from the box
-            if enter >> KIND == ENERGY:
+            if enter >> KIND_SHIFT == ENERGY:
                 balance = -1
             elif not leave_out(enter, question, node):
                 return FAILED
@@ -181,7 +181,7 @@ def solve(question, hi, node, work, counts, cone, loose, attempt, data, balance)
             continue
         swap(question, work, enter, leave, b, missed)
         since += 1
-        if least == SMALL:
+        if least == FALLBACK_PIVOT:
             least = usual
             since = REFRESH
     return FAILED
@@ -196,8 +196,8 @@ def begin(question, hi, node, work):
     for k in range(node.skip.shape[0]):
         node.skip[k] = False
     for k in range(question.cost.shape[0]):
-        kind = work.ids[k] >> KIND
-        if work.ids[k] == PLAIN_DOWN << KIND:
+        kind = work.ids[k] >> KIND_SHIFT
+        if work.ids[k] == PLAIN_DOWN << KIND_SHIFT:
             work.rhs[k] = -hi[0] + question.off[3 * question.m + 2 * question.a]
         elif kind in (BOX_UP, BOX_DOWN):
             work.rhs[k] = -question.box[(work.ids[k] >> INDEX) & 255]
@@ -220,7 +220,7 @@ def place(question, work):
     largest = 0.0
     for j in range(n):
         largest = larger(largest, abs(work.z[j]))
-    return FEASIBLE + 1e-14 * largest
+    return ROW_TOLERANCE + 1e-14 * largest
 
 
 @quick
@@ -274,7 +274,7 @@ def ray(question, work, b):
     n = work.z.shape[0]
     total = work.pivot
     gap = b
-    slip = ROUNDING * abs(b)
+    slip = RAY_ROUNDING * abs(b)
     cited = 1.0
     boxed = 0.0
     for j in range(n):
@@ -283,18 +283,18 @@ def ray(question, work, b):
         total[n + j] = abs(x)
     for k in range(n):
         f = work.delta[k]
-        kind = work.ids[k] >> KIND
+        kind = work.ids[k] >> KIND_SHIFT
         if (kind in (BOX_UP, BOX_DOWN)) and not question.capped:  # nothing bounds the unknowns in truth
             boxed = larger(boxed, -f)
         elif f < 0.0:
             cited = larger(cited, -f)
             gap -= f * work.rhs[k]
-            slip += ROUNDING * abs(f * work.rhs[k])
+            slip += RAY_ROUNDING * abs(f * work.rhs[k])
             for j in range(n):
                 total[j] -= f * work.matrix[k, j]
                 total[n + j] += abs(f * work.matrix[k, j])
     for j in range(n):
-        slip += (2.0 * abs(total[j]) + ROUNDING * total[n + j]) * question.box[j]
+        slip += (2.0 * abs(total[j]) + RAY_ROUNDING * total[n + j]) * question.box[j]
     if not gap > slip:
         return NO_RAY
     return RAY if boxed <= PURE * cited else RAY_OF_BOX
@@ -304,21 +304,21 @@ def ray(question, work, b):
 def widen(work):
     """Let the program begin in a larger box."""
     for k in range(work.rhs.shape[0]):
-        kind = work.ids[k] >> KIND
+        kind = work.ids[k] >> KIND_SHIFT
         if kind in (BOX_UP, BOX_DOWN):
-            work.rhs[k] *= WIDE
+            work.rhs[k] *= BOX_WIDENING
 
 
 @quick
 def leave_out(enter, question, node):
     """Leave out the rows of the part that this row is of; False if they are, or it is of no part."""
     part = (enter >> INDEX) & 255
-    kind = enter >> KIND
+    kind = enter >> KIND_SHIFT
     if T_UP <= kind <= S_UP or kind == S_DOWN:
         part += question.m
     elif S_UP < kind <= ENERGY:
         part += question.m + question.a
-    if node.skip[part] or enter >> KIND in (BOX_UP, BOX_DOWN, ENERGY):
+    if node.skip[part] or enter >> KIND_SHIFT in (BOX_UP, BOX_DOWN, ENERGY):
         return False
     node.skip[part] = True
     return True

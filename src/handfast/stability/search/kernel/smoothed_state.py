@@ -15,13 +15,13 @@ from handfast.core.compiled import larger, quick
 from handfast.stability.search.arrays import ANY
 from handfast.stability.search.kernel.values import blend
 
-ROUGH, SHARP = 10.0, 1e-5  # (scaled) where e begins, and about where it ends
-HALF, NEAR, FIFTH = 0.5, 0.01, 0.2  # e is halved down to NEAR, then a fifth of the last
+FIRST_SMOOTHING, SHARP = 10.0, 1e-5  # (scaled) where e begins, and about where it ends
+SMOOTHING_RATIO, HALVING_END, FIFTH = 0.5, 0.01, 0.2  # e is halved down to NEAR, then a fifth of the last
 SMOOTH = 0.1  # s over e
-STIFF = 1e3  # of actuators that do not turn
-STEPS, HALVINGS = 8, 5  # at each e
-MET, ENOUGH = 1e-10, 1e-2  # work that is none, at the end, and as a share of e before
-FAR = 1e7  # motions beyond are lost
+HELD_STIFFNESS = 1e3  # of actuators that do not turn
+SMOOTHED_STEPS, SMOOTHED_HALVINGS = 8, 5  # at each e
+MET, WORK_SHARE = 1e-10, 1e-2  # work that is none, at the end, and as a share of e before
+LOST_MOTION = 1e7  # motions beyond are lost
 
 
 @quick
@@ -40,13 +40,13 @@ def smoothed_state(question, scalar, room):
         return False
     for k in range(nu):
         room.z[k] = 0.0
-    e = ROUGH
+    e = FIRST_SMOOTHING
     last = e
     while e > SHARP:
         if not sharpened(question, scalar, room, e):
             return False
         last = e
-        e *= HALF if e > NEAR else FIFTH
+        e *= SMOOTHING_RATIO if e > HALVING_END else FIFTH
     missing(question, scalar, room.z, last, room)
     for k in range(nu):
         room.start[k] = room.z[k]
@@ -86,9 +86,9 @@ def nearest(question, scalar, room):
 def sharpened(question, scalar, room, e):
     """Newton's method at this e from the motions in `room.z`; False if they are lost."""
     nu = question.DT.shape[0]
-    enough = MET if e * FIFTH <= SHARP else ENOUGH * e
+    enough = MET if e * FIFTH <= SHARP else WORK_SHARE * e
     before = missing(question, scalar, room.z, e, room)
-    for _ in range(STEPS):
+    for _ in range(SMOOTHED_STEPS):
         if before <= enough:
             return True
         after = before
@@ -100,7 +100,7 @@ def sharpened(question, scalar, room, e):
             for k in range(nu):
                 room.unit[k] = room.step[k]
             share = 1.0
-            for _ in range(HALVINGS):
+            for _ in range(SMOOTHED_HALVINGS):
                 for k in range(nu):
                     room.trial[k] = room.z[k] + share * room.unit[k]
                 after = missing(question, scalar, room.trial, e, room)
@@ -114,7 +114,7 @@ def sharpened(question, scalar, room, e):
         for k in range(nu):
             room.z[k] = room.trial[k]
             most = larger(most, abs(room.z[k]))
-        if not most < FAR:
+        if not most < LOST_MOTION:
             return False
     return True
 
@@ -142,7 +142,7 @@ def missing(question, scalar, u, e, room):
         for k in range(nu):
             room.step[k] += cn * D[3 * i, k] - drag * (d1 * D[3 * i + 1, k] + d2 * D[3 * i + 2, k])
     for j in range(question.a):
-        force = STIFF * pressed(room.d[3 * m + j], s / STIFF)
+        force = HELD_STIFFNESS * pressed(room.d[3 * m + j], s / HELD_STIFFNESS)
         room.c[3 * m + 2 * j] = force
         for k in range(nu):
             room.step[k] += force * D[3 * m + j, k]
@@ -193,7 +193,7 @@ def slopes(question, room, e, whole):
                 H[k, j] += x * D[3 * i, j] + x1 * D[3 * i + 1, j] + x2 * D[3 * i + 2, j]
     for i in range(question.a):
         t = room.d[3 * m + i]
-        yields = STIFF * 0.5 * (1.0 - t / np.sqrt(t * t + 4.0 * s * s / (STIFF * STIFF)))
+        yields = HELD_STIFFNESS * 0.5 * (1.0 - t / np.sqrt(t * t + 4.0 * s * s / (HELD_STIFFNESS * HELD_STIFFNESS)))
         for k in range(nu):
             x = yields * D[3 * m + i, k]
             for j in range(nu):

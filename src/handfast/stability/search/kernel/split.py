@@ -25,23 +25,29 @@ from handfast.stability.search.rows import (
     OPEN,
     SLIDE,
     STICK,
-    TURN,
+    TURN_DIRECTIONS,
     UNDECIDED,
 )
 
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
-NARROW = 64  # sectors narrower than this, in grid steps, are not split,
-LEAST = 4.0  # or in proportion where the tolerance of cones is finer, but none narrower than this
-COARSE = TURN // 256  # and where nothing is violated, so that Newton's method should have succeeded, none below this
-CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
-FINER = 1e-3  # or by this share of a smaller gap,
-FINEST = 2e-9  # but not by less: rows are met to 1e-9
-SMALLEST = 1 << 30  # patches of soft fingers from this number on are not split
-APART, EIGHTH, STILL = 0.5, TURN // 8, 1e-9  # cosine of an angle; no sector below is parted; no direction of less
+MIN_SECTOR_WIDTH = 64  # sectors narrower than this, in grid steps, are not split,
+MIN_FINE_SECTOR = 4.0  # or in proportion where the tolerance of cones is finer, but none narrower than this
+COARSE_SECTOR = (
+    TURN_DIRECTIONS // 256
+)  # and where nothing is violated, so that Newton's method should have succeeded, none below this
+CONE_TOLERANCE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
+CONE_GAP_SHARE = 1e-3  # or by this share of a smaller gap,
+MIN_CONE_TOLERANCE = 2e-9  # but not by less: rows are met to 1e-9
+FINEST_PATCH = 1 << 30  # patches of soft fingers from this number on are not split
+PARTING_COSINE, EIGHTH, MIN_SLIDE = (
+    0.5,
+    TURN_DIRECTIONS // 8,
+    1e-9,
+)  # cosine of an angle; no sector below is parted; no direction of less
 DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
 # how much more that energy counts where a contact, or an actuator, is undecided, and the share of its friction in it;
 # it counts once where nodes are split by what their children leave
-TOUCHES, TURNS, FRICTION = 20.0, 100.0, 0.1
+CONTACT_WEIGHT, ACTUATOR_WEIGHT, FRICTION = 20.0, 100.0, 0.1
 
 
 @inner
@@ -49,30 +55,30 @@ def select(question, node, c, d, cone, loose):
     """Where to split, by the point's forces c and motions d: contact i or m + actuator j; -1 if all is decided.
 
     Of what is violated, the part where the balance of energy misses most: c_n (c_n + d_n) of (4), |c_t| |d_t| +
-    c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). That of undecided parts counts more, by `TOUCHES`
-    and `TURNS`; where normals are uncertain they always come first. Where nothing is violated, an undecided part or
-    the widest sector. node.violation says whether anything is.
+    c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). That of undecided parts counts more, by
+    `CONTACT_WEIGHT` and `ACTUATOR_WEIGHT`; where normals are uncertain they always come first. Where nothing is
+    violated, an undecided part or the widest sector. node.violation says whether anything is.
 
     cone, loose: by how much friction may leave its cone where all is nearly met, and in the point at hand.
     """
     m = question.m
     none = VIOLATION * loose
-    narrow = larger(NARROW * cone / CONE, LEAST)
+    narrow = larger(MIN_SECTOR_WIDTH * cone / CONE_TOLERANCE, MIN_FINE_SECTOR)
     first = DECIDE if question.sin > 0.0 else 0.0
     most = -1.0
     pick = -1
     total = 0.0
     spare = 0.0
     fallback = -1
-    touches = 1.0 if question.tries else TOUCHES
-    turns = 1.0 if question.tries else TURNS
+    touches = 1.0 if question.tries else CONTACT_WEIGHT
+    turns = 1.0 if question.tries else ACTUATOR_WEIGHT
     for i in range(m + question.a):
         node.missing[i] = -1.0
     for i in range(m):
         state = node.state[i]
         width = node.state[2 * m + i] - node.state[m + i]
         soft = question.soft[i] >= 0
-        if state == STICK or (state == SLIDE and (node.state[m + i] >= SMALLEST if soft else width <= narrow)):
+        if state == STICK or (state == SLIDE and (node.state[m + i] >= FINEST_PATCH if soft else width <= narrow)):
             continue
         amount, missing, rank = contact(i, question, node, c, d, loose, narrow)
         total += larger(amount, 0.0)
@@ -139,7 +145,7 @@ def contact(i, question, node, c, d, cone, narrow):
         amount = abs(cn + gap)
         rank = 2.0 if question.dissipation else 0.0
         if state == SLIDE:
-            rank = width / TURN if width > COARSE else 0.0
+            rank = width / TURN_DIRECTIONS if width > COARSE_SECTOR else 0.0
             if soft >= 0:
                 rank = extent(node.state[m + i])
     missing = cn * larger(cn + gap, 0.0) - gap * larger(-cn - gap, 0.0)
@@ -165,7 +171,7 @@ def extent(number):
     while number >= 16:
         number >>= 1
         size *= 0.7071067811865476
-    return size if size * TURN > COARSE else 0.0
+    return size if size * TURN_DIRECTIONS > COARSE_SECTOR else 0.0
 
 
 @inner
@@ -208,12 +214,12 @@ def split(question, node, c, d, pick):
         if state == CLOSED:
             child[0, 0] = STICK
             count = 1
-        third = TURN // 3
+        third = TURN_DIRECTIONS // 3
         for s in range(3):
-            begin = (along + third // 2 + s * third) % TURN
+            begin = (along + third // 2 + s * third) % TURN_DIRECTIONS
             child[count, 0] = SLIDE if state == CLOSED else OPEN
             child[count, 1] = begin
-            child[count, 2] = begin + (third if s < 2 else TURN - 2 * third)
+            child[count, 2] = begin + (third if s < 2 else TURN_DIRECTIONS - 2 * third)
             count += 1
         return count
     cut = left + share(along, left, width)
@@ -247,7 +253,7 @@ def split_closed(left, width, node, c, d, pick):
 
     Its friction and -d_t lie on the same side of any line through the contact, (7), whether it slides or sticks. So it
     is parted by the line that has them on different sides in the point at hand, into two half turns, and again
-    between them, as long as they are far `APART`; then into stick and slide.
+    between them, as long as they are far `PARTING_COSINE`; then into stick and slide.
     """
     child = node.children
     k = 3 * pick
@@ -258,14 +264,14 @@ def split_closed(left, width, node, c, d, pick):
     u = -d[k + 1] / speed
     v = -d[k + 2] / speed
     if width == 0:
-        begin = (angle(x - u, y - v) - TURN // 4) % TURN
+        begin = (angle(x - u, y - v) - TURN_DIRECTIONS // 4) % TURN_DIRECTIONS
         for s in range(2):
             child[s, 0] = CLOSED
-            child[s, 1] = (begin + s * (TURN // 2)) % TURN
-            child[s, 2] = child[s, 1] + TURN // 2
+            child[s, 1] = (begin + s * (TURN_DIRECTIONS // 2)) % TURN_DIRECTIONS
+            child[s, 2] = child[s, 1] + TURN_DIRECTIONS // 2
         return 2
     right = left + width
-    if x * u + y * v < APART and width > EIGHTH and speed > STILL and force > STILL:
+    if x * u + y * v < PARTING_COSINE and width > EIGHTH and speed > MIN_SLIDE and force > MIN_SLIDE:
         child[0, 0] = child[1, 0] = CLOSED
         child[0, 1] = left
         child[0, 2] = child[1, 1] = left + share(angle(x + u, y + v), left, width)
@@ -276,7 +282,7 @@ def split_closed(left, width, node, c, d, pick):
     child[0, 2] = right
     child[1, 0] = child[2, 0] = SLIDE
     child[1, 1] = left
-    if width <= TURN // 3:
+    if width <= TURN_DIRECTIONS // 3:
         child[1, 2] = right
         return 2
     child[1, 2] = child[2, 1] = left + width // 2  # the chord of more says little
@@ -287,14 +293,14 @@ def split_closed(left, width, node, c, d, pick):
 @inner
 def angle(x, y):
     """Of a vector in the plane, in grid steps."""
-    return int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
+    return int(np.rint(np.arctan2(y, x) * TURN_DIRECTIONS / (2 * np.pi))) % TURN_DIRECTIONS
 
 
 @inner
 def share(along, left, width):
     """Where to cut a sector: at a direction, but not too near to its ends; from its left end."""
-    ahead = (along - left) % TURN
-    if ahead > (width + TURN) // 2:
+    ahead = (along - left) % TURN_DIRECTIONS
+    if ahead > (width + TURN_DIRECTIONS) // 2:
         ahead = 0  # behind the sector's start
     step = int(smaller(larger(ahead / width, 0.15), 0.85) * width)
     return step if step > 0 else 1

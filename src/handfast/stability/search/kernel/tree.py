@@ -25,7 +25,7 @@ from handfast.stability.search.arrays import (
     FOUND,
     HEAP,
     HITS,
-    KEPT,
+    KEPT_WORKING_SETS,
     LARGEST_EFFORT,
     NEWTONS,
     NODES,
@@ -35,7 +35,7 @@ from handfast.stability.search.arrays import (
     SETTLED,
     SPLIT,
     SUM_OF_EFFORTS,
-    TRIED,
+    TRIED_SPLITS,
     UNRESOLVED,
     USED,
     WAITING,
@@ -43,21 +43,29 @@ from handfast.stability.search.arrays import (
 from handfast.stability.search.kernel.newton import refine
 from handfast.stability.search.kernel.simplex import ATTEMPTS, FAILED, INFEASIBLE, OPTIMAL, invert, solve
 from handfast.stability.search.kernel.smoothed_state import smoothed_state
-from handfast.stability.search.kernel.split import CONE, FINER, FINEST, select, split
+from handfast.stability.search.kernel.split import CONE_GAP_SHARE, CONE_TOLERANCE, MIN_CONE_TOLERANCE, select, split
 from handfast.stability.search.kernel.values import row, values
-from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND
+from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND_SHIFT
 
-FIRST = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
-LESS, MORE = 0.25, 1.1  # less than this share of where it was tried last, a limit that grows with every node
-LITTLE = 1e-3
-SOON, LATE = 16, 64  # nodes after which any state, or one at the end, is looked for in another way: few questions need
+FIRST_NEWTON_NODES = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
+LESS, NEWTON_LIMIT_GROWTH = (
+    0.25,
+    1.1,
+)  # less than this share of where it was tried last, a limit that grows with every node
+SMALL_VIOLATION = 1e-3
+EARLY_SEARCH_NODES, LATE_SEARCH_NODES = (
+    16,
+    64,
+)  # nodes after which any state, or one at the end, is looked for in another way: few questions need
 # as many, or very many more
-DENSE = 8  # contacts from which on, and nodes: most of what such a grasp resists has no end
+DENSE_CONTACTS = 8  # contacts from which on, and nodes: most of what such a grasp resists has no end
 NEARLY = 1e-3  # motions and forces below count as none then, or below a tenth or a hundredth of this
-LOOSE = 1e-4  # friction may leave its cone by as much in a program far from the model: its node is split anyway, and
+LOOSE_CONE_TOLERANCE = (
+    1e-4  # friction may leave its cone by as much in a program far from the model: its node is split anyway, and
+)
 # half of all exchanges were tangents of cones
 WEIGHT = 1e-3  # of the violation in a node's rank
-MISSED = 0.25  # power of what a part misses in the rank of those whose children are tried
+MISSED_POWER = 0.25  # power of what a part misses in the rank of those whose children are tried
 AS_READ, FREED, AT_END = 0, 1, 2  # how Newton's method is tried: as a point says, or once more with the objective free,
 # or at the end of the search, where a solution lies beyond it
 
@@ -71,7 +79,7 @@ def run(question, worker, pool, kept, node, work, room, gap, gap_absolute, budge
     Returns why it stopped, EXHAUSTED to ENDLESS.
     """
     most = pool.key.shape[0] - CHILDREN - 1
-    cone = larger(smaller(CONE, FINER * gap), FINEST)
+    cone = larger(smaller(CONE_TOLERANCE, CONE_GAP_SHARE * gap), MIN_CONE_TOLERANCE)
     expanded = 0
     while worker.counts[HEAP] > 0:
         if expanded >= budget:
@@ -80,8 +88,8 @@ def run(question, worker, pool, kept, node, work, room, gap, gap_absolute, budge
             return ROOM
         if question.objective != ANY and not close and worker.hi[0] < question.lo[0]:
             return ENDLESS
-        late = DENSE if question.m >= DENSE else LATE
-        first = SOON if question.objective == ANY else late
+        late = DENSE_CONTACTS if question.m >= DENSE_CONTACTS else LATE_SEARCH_NODES
+        first = EARLY_SEARCH_NODES if question.objective == ANY else late
         if worker.counts[SETTLED] == 0 and worker.counts[NODES] >= first and question.objective <= SCALAR and not close:
             worker.counts[SETTLED] = 1
             if settled(question, worker, room, gap, gap_absolute) and question.objective == ANY:
@@ -121,7 +129,7 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
     for i in range(question.m):  # for the children
         node.normal[i] = work.c[3 * i]
     if result == OPTIMAL:
-        keep(kept, KEPT, this, work)
+        keep(kept, KEPT_WORKING_SETS, this, work)
         if question.tries:
             pick = tried(question, worker, pool, kept, node, work, this, pick, value, cone)
     count = split(question, node, work.c, work.d, pick)
@@ -142,7 +150,7 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
         pool.key[child] = value + WEIGHT * node.violation[0]
         push(worker, pool, child)
         if solved == OPTIMAL:
-            keep(kept, child % KEPT, child, work)
+            keep(kept, child % KEPT_WORKING_SETS, child, work)
     return False
 
 
@@ -155,7 +163,7 @@ def tried(question, worker, pool, kept, node, work, this, pick, value, cone):
     """
     failed = worker.counts[RESTARTS], worker.counts[DROPS], worker.counts[FAILURES]  # trials say nothing of health
     count = 0
-    while count < TRIED:
+    while count < TRIED_SPLITS:
         most = 0.0
         part = -1
         for i in range(node.missing.shape[0]):
@@ -175,7 +183,7 @@ def tried(question, worker, pool, kept, node, work, this, pick, value, cone):
         part = node.tried[k]
         back_to(question, pool, node, work, this)
         left = 0.0
-        little = (node.share[0] / node.share[k]) ** MISSED
+        little = (node.share[0] / node.share[k]) ** MISSED_POWER
         children = split(question, node, work.c, work.d, part)
         for child in range(children):
             if left * little >= best:
@@ -263,7 +271,7 @@ def bound(question, worker, pool, kept, node, work, this, start, warm, cone):
             node.normal[i] = question.off[3 * i]
             for j in range(n):
                 node.normal[i] += question.C[3 * i, j] * pool.data[balance, j]
-    place = start % KEPT if this == start else KEPT
+    place = start % KEPT_WORKING_SETS if this == start else KEPT_WORKING_SETS
     result = FAILED
     for attempt in range(0 if warm else 1, ATTEMPTS):
         ready = True
@@ -273,7 +281,7 @@ def bound(question, worker, pool, kept, node, work, this, start, warm, cone):
             worker.counts[RESTARTS] += attempt > 0
             ready = rebuild(question, worker.hi, pool, work, start, attempt > 0)
         if ready:
-            loose = larger(cone, LOOSE)
+            loose = larger(cone, LOOSE_CONE_TOLERANCE)
             result = solve(question, worker.hi, node, work, worker.counts, cone, loose, attempt, pool.data, balance)
         if result != FAILED:
             break
@@ -295,7 +303,7 @@ def bound(question, worker, pool, kept, node, work, this, start, warm, cone):
 @inner
 def corner(question, i):
     """The i-th row of the box's corner that the cost points to: where a program starts that has no working set."""
-    return ((BOX_UP if question.cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
+    return ((BOX_UP if question.cost[i] >= 0.0 else BOX_DOWN) << KIND_SHIFT) | (i << INDEX)
 
 
 @inner
@@ -341,9 +349,11 @@ def attempts(worker, node):
     count = 0
     if node.violation[1] == 0.0:
         count = 4
-    elif worker.counts[NODES] <= FIRST or node.violation[0] < worker.best[1]:
+    elif worker.counts[NODES] <= FIRST_NEWTON_NODES or node.violation[0] < worker.best[1]:
         count = 1
-    worker.best[1] = LESS * larger(node.violation[0], LITTLE) if count > 0 else MORE * worker.best[1]
+    worker.best[1] = (
+        LESS * larger(node.violation[0], SMALL_VIOLATION) if count > 0 else NEWTON_LIMIT_GROWTH * worker.best[1]
+    )
     return count
 
 

@@ -16,6 +16,7 @@ from handfast.stability.search.rows import (
     CHORD,
     CN_DOWN,
     CN_UP,
+    CONE_WIDENING,
     D_LEFT,
     D_RIGHT,
     D_SIDE,
@@ -26,22 +27,21 @@ from handfast.stability.search.rows import (
     GAP_DOWN,
     GAP_UP,
     INDEX,
-    KIND,
+    KIND_SHIFT,
     NODE,
     PLAIN_UP,
     S_DOWN,
     S_UP,
-    SIDE,
+    SIDE_SHIFT,
     SOFT_CHORD,
     SOFT_TANGENT,
-    STILL,
+    STILL_ROW,
     T_DOWN,
     T_UP,
     TANGENT,
-    TURN,
+    TURN_DIRECTIONS,
     TURN_DOWN,
     TURN_UP,
-    WIDER,
 )
 
 
@@ -51,7 +51,7 @@ def row(id, question, hi, data, out, gradient):
 
     hi: upper bounds of the plain base values; data: `Pool.data`. Returns b of out . z >= b.
     """
-    kind = id >> KIND
+    kind = id >> KIND_SHIFT
     i = (id >> INDEX) & 255
     m = question.m
     n = out.shape[0]
@@ -132,10 +132,10 @@ def contact_row(id, kind, question, g):
     sin = question.sin
     xa = ya = xb = yb = 0.0
     h = 1.0
-    if sin > 0.0 or (kind >= TANGENT and kind < STILL):
-        turn = 2 * np.pi / TURN
-        left = ((id >> ANGLE) & (2 * TURN - 1)) * turn
-        right = (id & (2 * TURN - 1)) * turn
+    if sin > 0.0 or (kind >= TANGENT and kind < STILL_ROW):
+        turn = 2 * np.pi / TURN_DIRECTIONS
+        left = ((id >> ANGLE) & (2 * TURN_DIRECTIONS - 1)) * turn
+        right = (id & (2 * TURN_DIRECTIONS - 1)) * turn
         xa = np.cos(left)
         ya = np.sin(left)
         xb = np.cos(right)
@@ -148,19 +148,19 @@ def contact_row(id, kind, question, g):
     elif kind in (GAP_UP, DN_UP):
         g[0] = 1.0 if kind == GAP_UP else 0.0
         g[3] = cos
-        g[4] = -sin * (1.0 + WIDER) * (xa + xb) / h
-        g[5] = -sin * (1.0 + WIDER) * (ya + yb) / h
+        g[4] = -sin * (1.0 + CONE_WIDENING) * (xa + xb) / h
+        g[5] = -sin * (1.0 + CONE_WIDENING) * (ya + yb) / h
     elif kind == GAP_DOWN:
         g[0] = -1.0
         g[3] = -cos
-        g[4] = sin * (1.0 - WIDER) * xa
-        g[5] = sin * (1.0 - WIDER) * ya
+        g[4] = sin * (1.0 - CONE_WIDENING) * xa
+        g[5] = sin * (1.0 - CONE_WIDENING) * ya
     elif kind == TANGENT:
-        g[0] = mu * (1.0 + WIDER)
+        g[0] = mu * (1.0 + CONE_WIDENING)
         g[1] = -xa
         g[2] = -ya
     elif kind == CHORD:
-        g[0] = -mu * (0.5 * h - WIDER)
+        g[0] = -mu * (0.5 * h - CONE_WIDENING)
         g[1] = 0.5 * (xa + xb)
         g[2] = 0.5 * (ya + yb)
     elif kind == C_LEFT:
@@ -176,7 +176,7 @@ def contact_row(id, kind, question, g):
         g[4] = -yb
         g[5] = xb
     else:
-        g[4 if kind < STILL + 2 else 5] = 1.0 if (kind - STILL) % 2 == 0 else -1.0
+        g[4 if kind < STILL_ROW + 2 else 5] = 1.0 if (kind - STILL_ROW) % 2 == 0 else -1.0
 
 
 @quick
@@ -184,23 +184,23 @@ def soft_row(id, kind, question, g):
     """A soft finger's row over its forces, motions, torsion and turning into g (8,), which has room for a patch."""
     mu = question.mu[(id >> INDEX) & 255]
     if kind == SOFT_TANGENT:
-        turn = 2 * np.pi / TURN
-        around = ((id >> ANGLE) & (2 * TURN - 1)) * turn
-        up = (id & (2 * TURN - 1)) * turn
-        g[0] = mu * (1.0 + WIDER)
+        turn = 2 * np.pi / TURN_DIRECTIONS
+        around = ((id >> ANGLE) & (2 * TURN_DIRECTIONS - 1)) * turn
+        up = (id & (2 * TURN_DIRECTIONS - 1)) * turn
+        g[0] = mu * (1.0 + CONE_WIDENING)
         g[1] = -np.cos(up) * np.cos(around)
         g[2] = -np.cos(up) * np.sin(around)
         g[6] = -np.sin(up)
     elif kind in (TURN_UP, TURN_DOWN):
         g[7] = 1.0 if kind == TURN_UP else -1.0
     else:
-        patch(id & ((1 << SIDE) - 1), g, 8)
-        k = 8 + 3 * ((id >> SIDE) & 3)
+        patch(id & ((1 << SIDE_SHIFT) - 1), g, 8)
+        k = 8 + 3 * ((id >> SIDE_SHIFT) & 3)
         if kind == SOFT_CHORD:
             k = 8 + MIDDLE
-            g[0] = -mu * (g[8 + REACH] - WIDER)
+            g[0] = -mu * (g[8 + REACH] - CONE_WIDENING)
         elif kind == C_SIDE:
-            g[0] = mu * WIDER
+            g[0] = mu * CONE_WIDENING
         if kind == D_SIDE:
             g[4] = -g[k]
             g[5] = -g[k + 1]

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.narrowing import PAD, narrow
-from handfast.synthesis.search.kernel.taylor import WIDER, norm, spread
+from handfast.synthesis.search.kernel.narrowing import ROW_PADDING, narrow
+from handfast.synthesis.search.kernel.taylor import TAYLOR_INFLATION, norm, spread
 
 # slots of the hand; four behind it the object's: cosines of directions i and j with a line, of i with j, line . (i x j)
 LINE_I, LINE_J, I_J, TRIPLE = 0, 1, 2, 3
-OBJECT = 4
+OBJECT_OFFSET = 4
 ROW = 15  # slot of a row's derivatives
 
 
@@ -50,7 +50,7 @@ def unit(body, remainder, stray, half, use, work):
         work.line[body], work.slope[body], work.unit[body], work.unit_slope[body], work.unit_bound[body],
     )  # fmt: skip
     size = norm(f)
-    least = (size - stray) * (2.0 - WIDER)
+    least = (size - stray) * (2.0 - TAYLOR_INFLATION)
     if not least > 0.2 * size:
         bound[0] = bound[1] = np.inf
         return
@@ -61,7 +61,7 @@ def unit(body, remainder, stray, half, use, work):
         for c in range(3):
             out_slope[i, c] = (slope[i, c] - along * out[c]) / size
     straight = stray - remainder
-    bound[0] = (remainder / least + 0.578 * straight * straight / (least * least) + PAD) * WIDER
+    bound[0] = (remainder / least + 0.578 * straight * straight / (least * least) + ROW_PADDING) * TAYLOR_INFLATION
     bound[1] = spread(out_slope, half, use) + bound[0]
 
 
@@ -72,8 +72,8 @@ def _scalar(slot, value, remainder, half, use, terms):
     for i in use:
         reach += abs(terms.slope[slot, i]) * half[i]
     terms.value[slot, 0] = value
-    terms.value[slot, 1] = remainder * WIDER + PAD * (abs(value) + reach)
-    terms.value[slot, 2] = reach * WIDER + terms.value[slot, 1]
+    terms.value[slot, 1] = remainder * TAYLOR_INFLATION + ROW_PADDING * (abs(value) + reach)
+    terms.value[slot, 2] = reach * TAYLOR_INFLATION + terms.value[slot, 1]
 
 
 @inner
@@ -133,7 +133,7 @@ def agree(hand, tolerance, box, use, terms):
     hand: slot of the hand's cosine. With c the object's cosine and s = sqrt(1 - c^2) <=
     s0 / 2 + (1 - c^2) / (2 s0), the hand's must lie between c cos(tolerance) -+ s sin(tolerance).
     """
-    value, slope, own = terms.value, terms.slope, hand + OBJECT
+    value, slope, own = terms.value, terms.slope, hand + OBJECT_OFFSET
     c = value[own, 0]
     ends = max(-1.0, min(1.0, c - value[own, 2])), max(-1.0, min(1.0, c + value[own, 2]))
     most, least = np.arccos(ends[0]) + 1e-7, np.arccos(ends[1]) - 1e-7
@@ -144,7 +144,7 @@ def agree(hand, tolerance, box, use, terms):
         return narrow(value[hand, 0] - c, slope[ROW], -error, error, box, use)
     s0 = np.sqrt(max(1e-4, 1 - c * c))
     cosine, sine = np.cos(tolerance), np.sin(tolerance)
-    error = value[hand, 1] + value[own, 1] * abs(cosine) + PAD
+    error = value[hand, 1] + value[own, 1] * abs(cosine) + ROW_PADDING
     # s <= s0 / 2 + (1 - c^2) / (2 s0): value, derivative and remainder
     s = 0.5 * s0 + (1 - c * c) / (2 * s0)
     error += abs(sine) * (abs(c) * value[own, 1] + value[own, 2] * value[own, 2]) / s0
@@ -185,11 +185,11 @@ def twist(tolerance_i, tolerance_j, box, use, terms):
         w_i c_i + w_j c_j + |w_i p + w_j q| >= w_i cos(tolerance_i) + w_j cos(tolerance_j).
     """
     value = terms.value
-    ai, aj, oi, oj = LINE_I, LINE_J, LINE_I + OBJECT, LINE_J + OBJECT
+    ai, aj, oi, oj = LINE_I, LINE_J, LINE_I + OBJECT_OFFSET, LINE_J + OBJECT_OFFSET
     a, b, c, d = value[ai, 0], value[aj, 0], value[oi, 0], value[oj, 0]
-    across_hand, across_own = value[I_J, 0] - a * b, value[I_J + OBJECT, 0] - c * d
+    across_hand, across_own = value[I_J, 0] - a * b, value[I_J + OBJECT_OFFSET, 0] - c * d
     p2, q2 = (1 - a * a) * (1 - c * c), (1 - b * b) * (1 - d * d)
-    pq = across_hand * across_own + value[TRIPLE, 0] * value[TRIPLE + OBJECT, 0]
+    pq = across_hand * across_own + value[TRIPLE, 0] * value[TRIPLE + OBJECT_OFFSET, 0]
     ci, cj = a * c - np.cos(tolerance_i), b * d - np.cos(tolerance_j)
     w = _balance(ci, cj, p2, q2, pq)
     v = 1 - w
@@ -200,9 +200,9 @@ def twist(tolerance_i, tolerance_j, box, use, terms):
     f = 1 / (2 * n0)
     half = box.half
     _combine(8, (-1.0, ai, aj), (1.0, I_J), 0.0, half, use, terms)
-    _combine(9, (-1.0, oi, oj), (1.0, I_J + OBJECT), 0.0, half, use, terms)
+    _combine(9, (-1.0, oi, oj), (1.0, I_J + OBJECT_OFFSET), 0.0, half, use, terms)
     _combine(10, (1.0, 8, 9), (0.0, -1), 0.0, half, use, terms)
-    _combine(10, (1.0, TRIPLE, TRIPLE + OBJECT), (1.0, 10), 0.0, half, use, terms)
+    _combine(10, (1.0, TRIPLE, TRIPLE + OBJECT_OFFSET), (1.0, 10), 0.0, half, use, terms)
     _combine(11, (-1.0, ai, ai), (0.0, -1), 1.0, half, use, terms)
     _combine(12, (-1.0, oi, oi), (0.0, -1), 1.0, half, use, terms)
     _combine(13, (f * w * w, 11, 12), (2 * f * w * v, 10), 0.5 * n0, half, use, terms)

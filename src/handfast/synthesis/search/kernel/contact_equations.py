@@ -5,7 +5,7 @@ from __future__ import annotations
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.balls import add, cross, div, dot, get, mul, put, scale, sub, times
 from handfast.synthesis.search.kernel.kinematics import NORMAL, OF_BALLS
-from handfast.synthesis.task_groups import CAP, POSE, PRISMATIC, QUATERNION
+from handfast.synthesis.task_groups import CAP_REGION, POSE, PRISMATIC, QUATERNION
 
 chain, surface = OF_BALLS
 
@@ -69,7 +69,7 @@ def evaluate(x, task, values, work):
         chain(k, x, task.chains, work)
         _bodies(k, x, task.regions, task.coordinates, work)
         _points(k, x, task, values, work)
-        if task.regions.hand[k] == CAP:
+        if task.regions.hand[k] == CAP_REGION:
             _within_cone(k, task, values, work)
         else:
             _opposed(k, task.chains, task.coordinates, values, work)
@@ -83,7 +83,7 @@ def _bodies(k, x, regions, coordinates, work):
     first, R = coordinates.parameter[k], work.link_rotation
     on_object, on_hand, y, a = work.object_surface, work.hand_surface, work.object_point, work.hand_direction
     surface(k, k, get(x, first), get(x, first + 1), regions, on_object, work)
-    if regions.hand[k] == CAP:
+    if regions.hand[k] == CAP_REGION:
         for i in range(3):
             put(on_hand[0], i, (regions.center[k, i], 0.0))
             put(on_hand[NORMAL], i, (regions.axis[k, i], 0.0))
@@ -106,7 +106,7 @@ def _points(k, x, task, values, work):
     row, first = task.coordinates.row[k], task.coordinates.parameter[k]
     quaternion, position = task.coordinates.parameter[0] - QUATERNION, task.coordinates.parameter[0] - POSE
     slope, tangent, velocity = values.equation_slope, work.tangent, work.velocity
-    rolls = task.regions.hand[k] == CAP
+    rolls = task.regions.hand[k] == CAP_REGION
     for i in range(3):
         away = sub(sub(get(work.hand_point, i), get(x, position + i)), get(work.turned_point, i))
         put(values.equation, row + i, away)

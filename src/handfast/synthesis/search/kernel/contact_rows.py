@@ -9,15 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.narrowing import PAD, RADIAN, angle, narrow, swept
+from handfast.synthesis.search.kernel.narrowing import RADIAN, ROW_PADDING, angle, narrow, swept
 from handfast.synthesis.search.kernel.object_pose import cosine_of_directions
 from handfast.synthesis.search.kernel.taylor import (
     HAND_DIRECTION,
     HAND_POINT,
     OBJECT_DIRECTION,
     OBJECT_POINT,
-    ROUNDING,
-    WIDER,
+    TAYLOR_INFLATION,
+    TAYLOR_ROUNDING,
     norm,
     spread,
 )
@@ -32,8 +32,8 @@ def points_meet(k, use, theta, curve, position, chains, work):
     box, gradient, y, z = work.box, work.turned.gradient, work.turned.point, work.turned.direction
     value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
     stray = spread(slope[OBJECT_POINT], box.half, use) + remainder[OBJECT_POINT]
-    others = (remainder[OBJECT_POINT] + curve * norm(y) + theta * stray + ROUNDING) * WIDER
-    error = (remainder[HAND_POINT] + others) * WIDER
+    others = (remainder[OBJECT_POINT] + curve * norm(y) + theta * stray + TAYLOR_ROUNDING) * TAYLOR_INFLATION
+    error = (remainder[HAND_POINT] + others) * TAYLOR_INFLATION
     along, way = 0.0, work.turned.offset
     for c in range(3):
         gap = value[HAND_POINT, c] - y[c] - box.middle[position + c]
@@ -47,7 +47,9 @@ def points_meet(k, use, theta, curve, position, chains, work):
     for i in use:
         gradient[6, i] = z[0] * gradient[0, i] + z[1] * gradient[1, i] + z[2] * gradient[2, i]
     low, high = _bow(k, z, chains, work)
-    fits = narrow(along, gradient[6], max(low - others, -error) - PAD, min(high + others, error) + PAD, box, use)
+    fits = narrow(
+        along, gradient[6], max(low - others, -error) - ROW_PADDING, min(high + others, error) + ROW_PADDING, box, use
+    )
     return fits, error, others
 
 
@@ -63,7 +65,7 @@ def _bow(k, way, chains, work):
             value *= (0.5 if i == j else 1.0) * half[v] * half[w]
             low += min(value, 0.0) if v == w else -abs(value)
             high += max(value, 0.0) if v == w else abs(value)
-    rest = work.polynomials.rest[0] * norm(way) * WIDER
+    rest = work.polynomials.rest[0] * norm(way) * TAYLOR_INFLATION
     return low - rest, high + rest
 
 
@@ -77,7 +79,7 @@ def directions_meet(tolerance, use, theta, curve, work):
     value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
     turned = spread(slope[OBJECT_DIRECTION], box.half, use) + remainder[OBJECT_DIRECTION]
     both = remainder[HAND_DIRECTION] + remainder[OBJECT_DIRECTION]
-    error = (both + curve + theta * turned + ROUNDING) * WIDER
+    error = (both + curve + theta * turned + TAYLOR_ROUNDING) * TAYLOR_INFLATION
     if tolerance <= 0:
         for c in range(3):
             if not narrow(value[HAND_DIRECTION, c] - z[c], gradient[3 + c], -error, error, box, use):
@@ -86,10 +88,10 @@ def directions_meet(tolerance, use, theta, curve, work):
     if tolerance < np.pi:
         tilt = spread(slope[HAND_DIRECTION], box.half, use) + remainder[HAND_DIRECTION]
         off, gap = swept(1.0, tilt) + swept(1.0, turned) + theta, angle(value[HAND_DIRECTION], z)
-        if gap - off > tolerance + PAD:
+        if gap - off > tolerance + ROW_PADDING:
             return False, error
         if gap + off > tolerance:
-            error = (error + tilt * (turned + theta)) * WIDER
+            error = (error + tilt * (turned + theta)) * TAYLOR_INFLATION
             over = cosine_of_directions(use, work) - np.cos(tolerance)
             return narrow(over, gradient[3], -np.inf, error, box, use), error
     return True, -1.0
@@ -144,7 +146,7 @@ def not_apart(k, use, position, errors, task, work):
         here.offset[c] = newton[c, 6]
     low, _ = _bow(k, here.offset, task.chains, work)
     error = (min(np.sqrt(near) * points, np.sqrt(near) * others - low) + np.sqrt(far) * max(directions, 0.0)) / size
-    return narrow(value / size, gradient[6], -(error + ROUNDING) * WIDER, np.inf, box, use)
+    return narrow(value / size, gradient[6], -(error + TAYLOR_ROUNDING) * TAYLOR_INFLATION, np.inf, box, use)
 
 
 @inner

@@ -13,9 +13,9 @@ import numpy as np
 
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel import balls, reals
-from handfast.synthesis.task_groups import CAP, PRISMATIC, SIDE
+from handfast.synthesis.task_groups import CAP_REGION, PRISMATIC, SIDE_REGION
 
-ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])  # of the derivatives in a surface's rows
+SURFACE_ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])  # of the derivatives in a surface's rows
 NORMAL = 6  # row of a surface's unit outward normal; then its derivatives by s and t
 
 
@@ -126,7 +126,9 @@ def _made_of(numbers: ModuleType) -> Kinematics:
                 a1 = sub(exact(here[1]), exact(corner[1]))
                 a2 = sub(exact(here[2]), exact(corner[2]))
                 for o in range(6):
-                    w = mul(get(work.weights[0, ORDERS[o, 0]], i), get(work.weights[1, ORDERS[o, 1]], j))
+                    w = mul(
+                        get(work.weights[0, SURFACE_ORDERS[o, 0]], i), get(work.weights[1, SURFACE_ORDERS[o, 1]], j)
+                    )
                     put(out[o], 0, add(get(out[o], 0), mul(w, a0)))
                     put(out[o], 1, add(get(out[o], 1), mul(w, a1)))
                     put(out[o], 2, add(get(out[o], 2), mul(w, a2)))
@@ -185,10 +187,10 @@ def _made_of(numbers: ModuleType) -> Kinematics:
         """
         sign = regions.face[which]
         kind = regions.object[k] if which == k else regions.hand[k]
-        if kind == CAP:
+        if kind == CAP_REGION:
             _ball(regions.numbers[which], s, t, sign, out)
             return
-        if kind == SIDE:
+        if kind == SIDE_REGION:
             _side(regions.numbers[which], s, t, sign, out)
             return
         _patch(

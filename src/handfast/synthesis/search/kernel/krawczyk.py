@@ -11,14 +11,14 @@ near the inverse of the dependent part of J, the derivatives, and X the box of r
 from __future__ import annotations
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.balls import UP
+from handfast.synthesis.search.kernel.balls import BALL_INFLATION
 from handfast.synthesis.search.kernel.contact_equations import evaluate
-from handfast.synthesis.search.workspace import AXES
+from handfast.synthesis.search.workspace import AXIS_INEQUALITIES
 from handfast.synthesis.task_groups import QUATERNION
 
 RADIUS = 1e-7  # rad and units to begin with; the residual asks for more where the system is ill conditioned
 RADII = 4  # tenfold larger boxes that are tried
-ROUNDED = 1e-14  # a term: more than the rounding of the sums below, relative
+TERM_ROUNDING = 1e-14  # a term: more than the rounding of the sums below, relative
 
 
 @inner
@@ -138,7 +138,7 @@ def _invert(matrix, inverse):
 def _newton(equation, proof):
     """Bounds of |Y F(x)|; false if they are too large to be of use."""
     inverse, e = proof.inverse, proof.inverse.shape[0]
-    rounded = ROUNDED * e
+    rounded = TERM_ROUNDING * e
     for i in range(e):
         total = 0.0
         value, size = 0.0, 0.0
@@ -158,10 +158,10 @@ def _within(box, quaternion, bounds, axes, values):
 
     axes (9, 2): bounds of the object's axes; values (g, 2): of the inequalities.
     """
-    b = values.shape[0] - AXES
+    b = values.shape[0] - AXIS_INEQUALITIES
     for c in range(box.shape[0]):
         bounded = c < quaternion or c >= quaternion + QUATERNION
-        least, most = box[c, 0] - box[c, 1] * UP, box[c, 0] + box[c, 1] * UP
+        least, most = box[c, 0] - box[c, 1] * BALL_INFLATION, box[c, 0] + box[c, 1] * BALL_INFLATION
         if bounded and not (least > bounds.lower[c] and most < bounds.upper[c]):
             return False
     for i in range(values.shape[0]):
@@ -169,7 +169,7 @@ def _within(box, quaternion, bounds, axes, values):
         a = i - b
         if a >= 0 and axes[a // 2, a % 2] == (-1.0 if a % 2 == 0 else 1.0):
             continue
-        if not values[i, 0] - values[i, 1] * UP > 0:
+        if not values[i, 0] - values[i, 1] * BALL_INFLATION > 0:
             return False
     return True
 
@@ -179,7 +179,7 @@ def _contracts(slope, proof, chosen, radii):
     """|Y F(x)| + |1 - Y J(X)| rho < rho?"""
     inverse, moved = proof.inverse, proof.moved
     e = inverse.shape[0]
-    rounded = ROUNDED * e
+    rounded = TERM_ROUNDING * e
     for i in range(e):
         reach = moved[i]
         for d in range(e):

@@ -9,11 +9,11 @@ import numpy as np
 
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.contact_equations import evaluate
-from handfast.synthesis.search.workspace import MARGIN
+from handfast.synthesis.search.workspace import CANDIDATE_MARGIN
 from handfast.synthesis.task_groups import QUATERNION
 
-SOLVED = 1e-12  # units: largest residual of a candidate
-ROUNDS = 60  # iterations of one solve
+CANDIDATE_RESIDUAL = 1e-12  # units: largest residual of a candidate
+SOLVER_ITERATIONS = 60  # iterations of one solve
 HOLDS = 4  # times that a step is worked out anew with more coordinates held at their bounds
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-15, 1e6
 
@@ -32,7 +32,7 @@ def solve(task, interior, work):
     evaluate(x, task, here, contact)
     size = _squares(here)
     damping = FIRST_DAMPING
-    for _ in range(ROUNDS):
+    for _ in range(SOLVER_ITERATIONS):
         if _solved(here):
             return True
         m = _rows(here, step)
@@ -61,7 +61,7 @@ def _squares(values):
     for i in range(values.equation.shape[0]):
         total += values.equation[i, 0] * values.equation[i, 0]
     for i in range(values.inequality.shape[0]):
-        short = MARGIN - values.inequality[i, 0]
+        short = CANDIDATE_MARGIN - values.inequality[i, 0]
         if short > 0:
             total += short * short
     return total
@@ -74,8 +74,8 @@ def _solved(values):
         largest = max(largest, abs(values.equation[i, 0]))
     inside = True
     for i in range(values.inequality.shape[0]):
-        inside &= values.inequality[i, 0] >= 0.5 * MARGIN
-    return inside and largest <= SOLVED
+        inside &= values.inequality[i, 0] >= 0.5 * CANDIDATE_MARGIN
+    return inside and largest <= CANDIDATE_RESIDUAL
 
 
 @inner
@@ -101,8 +101,8 @@ def _rows(values, step):
         for c in range(n):
             step.rows[i, c] = values.equation_slope[i, c, 0]
     for i in range(values.inequality.shape[0]):
-        if values.inequality[i, 0] < MARGIN:
-            step.wanted[m] = MARGIN - values.inequality[i, 0]
+        if values.inequality[i, 0] < CANDIDATE_MARGIN:
+            step.wanted[m] = CANDIDATE_MARGIN - values.inequality[i, 0]
             for c in range(n):
                 step.rows[m, c] = values.inequality_slope[i, c, 0]
             m += 1

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.taylor import WIDER
-from handfast.synthesis.task_groups import CAP
+from handfast.synthesis.search.kernel.taylor import TAYLOR_INFLATION
+from handfast.synthesis.task_groups import CAP_REGION
 
-PAD = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings
-AGAIN = 0.7  # a box that has shrunk to this share in some coordinate is looked at again
-LOOKS = 3
+ROW_PADDING = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings
+REPEAT_SHARE = 0.7  # a box that has shrunk to this share in some coordinate is looked at again
+BOX_LOOKS = 3
 RADIAN = 0.3  # units of length that one of a direction counts for when a coordinate is chosen to split
 
 
@@ -31,7 +31,7 @@ def narrow(value, gradient, least_error, most_error, box, use):
             least += gradient[i] * high[i]
             most += gradient[i] * low[i]
         size += abs(gradient[i]) * max(abs(low[i]), abs(high[i]))
-    pad = PAD * size
+    pad = ROW_PADDING * size
     least -= pad
     most += pad
     if least > 0 or most < 0:
@@ -45,7 +45,7 @@ def narrow(value, gradient, least_error, most_error, box, use):
             top, bottom = -(least - g * low[i]) / g, -(most - g * high[i]) / g
         else:
             top, bottom = -(most - g * low[i]) / g, -(least - g * high[i]) / g
-        fuzz = 4 * pad / abs(g) + PAD * abs(top) + PAD * abs(bottom)
+        fuzz = 4 * pad / abs(g) + ROW_PADDING * abs(top) + ROW_PADDING * abs(bottom)
         if top + fuzz < high[i]:
             high[i] = top + fuzz
         if bottom - fuzz > low[i]:
@@ -61,7 +61,7 @@ def center(bounds, use, box):
     for i in use:
         middle = 0.5 * (bounds[i, 0] + bounds[i, 1])
         box.middle[i] = middle
-        box.half[i] = max(bounds[i, 1] - middle, middle - bounds[i, 0]) * WIDER
+        box.half[i] = max(bounds[i, 1] - middle, middle - bounds[i, 0]) * TAYLOR_INFLATION
         box.low[i], box.high[i] = -box.half[i], box.half[i]
 
 
@@ -112,9 +112,9 @@ def _copy(box, out):
 @inner
 def tolerance_of(k, regions):
     """Largest angle [rad] between the hand's and the object's direction at contact k: of a cap; 0 of a patch."""
-    if regions.hand[k] != CAP:
+    if regions.hand[k] != CAP_REGION:
         return 0.0
-    return np.pi if regions.cone[k] <= -1 else np.arccos(regions.cone[k]) + PAD
+    return np.pi if regions.cone[k] <= -1 else np.arccos(regions.cone[k]) + ROW_PADDING
 
 
 @inner
@@ -129,4 +129,6 @@ def swept(length, dev):
     """Largest angle between a vector of a length and one that differs by at most dev."""
     if dev >= 0.999 * length:
         return np.pi
-    return dev / np.sqrt(length * length - dev * dev) * WIDER + PAD  # the tangent, more than the angle
+    return (
+        dev / np.sqrt(length * length - dev * dev) * TAYLOR_INFLATION + ROW_PADDING
+    )  # the tangent, more than the angle

@@ -16,8 +16,8 @@ from handfast.synthesis.search.kernel.taylor import (
     HAND_POINT,
     OBJECT_DIRECTION,
     OBJECT_POINT,
-    ROUNDING,
-    WIDER,
+    TAYLOR_INFLATION,
+    TAYLOR_ROUNDING,
     element,
 )
 from handfast.synthesis.task_groups import QUATERNION
@@ -45,8 +45,8 @@ def turning(box, first, R, turn):
         far += half[i] * half[i]
         gap = max(0.0, abs(x[i]) - half[i])
         least += gap * gap
-    bend = 2.0 * far / least * WIDER  # half of (2 |q'| / |q|)^2
-    return np.sqrt(2.0 * bend) * WIDER, bend + ROUNDING
+    bend = 2.0 * far / least * TAYLOR_INFLATION  # half of (2 |q'| / |q|)^2
+    return np.sqrt(2.0 * bend) * TAYLOR_INFLATION, bend + TAYLOR_ROUNDING
 
 
 @inner

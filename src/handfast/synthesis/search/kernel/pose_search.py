@@ -10,7 +10,7 @@ region parameters finds no box in which
 
 (a patch on the hand: directions equal) can hold for a pose of the box. C, O, R and the directions are the
 Taylor polynomials of `taylor` and `object_pose`, their remainders bounds over the whole box; `PAD` and
-`ROUNDING` cover what rounds. The rows count one by one, and in the sum of them that says most
+`TAYLOR_ROUNDING` cover what rounds. The rows count one by one, and in the sum of them that says most
 (`contact_rows`). Newton steps only tell sooner where a contact can be made; they discard nothing.
 """
 
@@ -21,9 +21,9 @@ import numpy as np
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.contact_rows import directions_meet, least_step, not_apart, points_meet
 from handfast.synthesis.search.kernel.narrowing import (
-    AGAIN,
-    LOOKS,
+    BOX_LOOKS,
     RADIAN,
+    REPEAT_SHARE,
     center,
     cut,
     halve,
@@ -43,16 +43,16 @@ from handfast.synthesis.search.kernel.taylor import (
     HAND_POINT,
     OBJECT_DIRECTION,
     OBJECT_POINT,
-    ROUNDING,
+    TAYLOR_ROUNDING,
     norm,
 )
 from handfast.synthesis.search.workspace import LEFT, NODES, SMALL, PoseWork
 from handfast.synthesis.task_groups import POSE, QUATERNION, Flat
 
-FINE = 0.5  # own coordinates are split until they stray by less than this share of what the pose does
+STRAY_SHARE = 0.5  # own coordinates are split until they stray by less than this share of what the pose does
 SPIN = 0.15  # units of length that a radian of the pose counts for beside the moment arm of the contact
-STEPS = 12  # of Newton towards a guess
-NEAR = 0.3  # of what the pose strays: a guess that is as near will do
+GUESS_STEPS = 12  # of Newton towards a guess
+GUESS_DISTANCE = 0.3  # of what the pose strays: a guess that is as near will do
 MOST_INNER = 3000  # boxes of an inner search, after which the contact is taken to be possible
 
 
@@ -62,7 +62,7 @@ def _contact(k, bounds, use, task, question, work):
 
     `work` holds the polynomials afterwards.
     """
-    for _ in range(LOOKS):
+    for _ in range(BOX_LOOKS):
         center(bounds, use, work.box)
         theta, curve = gaps(k, use, task, question, work)
         tolerance, position = work.polynomials.tolerance[k], task.coordinates.parameter[0] - POSE
@@ -75,7 +75,7 @@ def _contact(k, bounds, use, task, question, work):
         shrunk = cut(bounds, use, work.box)
         if shrunk < 0:
             return False
-        if shrunk > AGAIN:
+        if shrunk > REPEAT_SHARE:
             break
     return True
 
@@ -96,10 +96,10 @@ def _settle(k, bounds, guess, use, sway, task, question, work):
         box.half[i] = 0.0
         side[i] = 0.5 * (bounds[i, 1] - bounds[i, 0])
     found = False
-    for _ in range(STEPS):
+    for _ in range(GUESS_STEPS):
         gaps(k, use, task, question, work)
         rows, size = _missing(k, use, task.coordinates.parameter[0] - POSE, work)
-        if size <= NEAR * NEAR * sway * sway:
+        if size <= GUESS_DISTANCE * GUESS_DISTANCE * sway * sway:
             found = True
             break
         least_step(newton, rows, side, use, gradient)
@@ -175,7 +175,7 @@ def _possible(k, bounds, guess, place, use, task, question, work):
         return False, -1, 0.0, 1
     split, sway = _longest(bounds, use[: question.shared], quaternion, work)
     worst, stray = _longest(bounds, own, quaternion, work)
-    if stray <= FINE * sway:
+    if stray <= STRAY_SHARE * sway:
         for i in own:
             guess[i] = 0.5 * (bounds[i, 0] + bounds[i, 1])
         return True, split, sway, 1
@@ -189,7 +189,7 @@ def _possible(k, bounds, guess, place, use, task, question, work):
         if not _contact(k, here, use, task, question, work):
             continue
         worst, stray = _longest(here, own, quaternion, work)
-        if stray <= FINE * sway or nodes > MOST_INNER or count + 3 > waiting.shape[0]:
+        if stray <= STRAY_SHARE * sway or nodes > MOST_INNER or count + 3 > waiting.shape[0]:
             for i in own:
                 guess[i] = 0.5 * (here[i, 0] + here[i, 1])
             if count < left.shape[0]:  # all others hold none: so do they for the halves of this box
@@ -253,7 +253,7 @@ def _bounded(bounds, pose, coordinates, question, work):
         rotated(here.rotation, offset, y)
         turn_derivatives(here.turn, y, 1.0, quaternion, gradient)
         for c in range(3):
-            error, value = curve * norm(offset) + ROUNDING, y[c]
+            error, value = curve * norm(offset) + TAYLOR_ROUNDING, y[c]
             ends = coordinates.axes[3 * k + c] if k < 3 else question.near[c]
             if k == 3:
                 value += box.middle[quaternion - 3 + c]

@@ -8,15 +8,15 @@ from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.balls import get
 from handfast.synthesis.search.kernel.contact_equations import chain, rotation, surface
 from handfast.synthesis.search.kernel.kinematics import NORMAL
-from handfast.synthesis.search.workspace import ALIGNED, NUMBERS
-from handfast.synthesis.task_groups import CAP, POSE, QUATERNION
+from handfast.synthesis.search.workspace import PLACEMENT_NUMBERS, POSE_TRIES
+from handfast.synthesis.task_groups import CAP_REGION, POSE, QUATERNION
 
 
 @inner
 def start(numbers, task, interior, x, contact, place):
     """A random start into x (n, 2); contact: `ContactBalls`, place: `StartWork`.
 
-    numbers: (n + 1 + ALIGNED * NUMBERS,) uniform in [0, 1). Of `ALIGNED` poses it takes the one that violates the
+    numbers: (n + 1 + ALIGNED * NUMBERS,) uniform in [0, 1). Of `POSE_TRIES` poses it takes the one that violates the
     bounds of the object's axes least.
     """
     kept, n, b = place.pose, x.shape[0], task.chains.joints.shape[0]
@@ -31,9 +31,9 @@ def start(numbers, task, interior, x, contact, place):
     parameter = task.coordinates.parameter[k]
     surface(k, k, get(x, parameter), get(x, parameter + 1), task.regions, contact.object_surface, contact)
     best = np.inf
-    for attempt in range(ALIGNED):
-        at = n + 1 + attempt * NUMBERS
-        _inward(k, numbers[at : at + NUMBERS], task.regions, task.coordinates.parameter[k], x, contact, place)
+    for attempt in range(POSE_TRIES):
+        at = n + 1 + attempt * PLACEMENT_NUMBERS
+        _inward(k, numbers[at : at + PLACEMENT_NUMBERS], task.regions, task.coordinates.parameter[k], x, contact, place)
         _place(k, numbers[at + 2], task.regions, first, interior, x, contact, place)
         violation = 0.0
         for l in range(3):
@@ -57,7 +57,7 @@ def _inward(k, numbers, regions, first, x, contact, place):
 
     first: of the contact's parameters.
     """
-    if regions.hand[k] != CAP:
+    if regions.hand[k] != CAP_REGION:
         surface(
             regions.hand.shape[0] + k, k, get(x, first + 2), get(x, first + 3), regions, contact.hand_surface, contact
         )
@@ -99,7 +99,7 @@ def _place(k, spin, regions, first, interior, x, contact, place):
         value = contact.link_position[i, 0]
         for j in range(3):
             y = contact.object_surface[0, j, 0]
-            if regions.hand[k] == CAP:
+            if regions.hand[k] == CAP_REGION:
                 y += regions.radius[k] * contact.object_surface[NORMAL, j, 0]
             value += R[i, j, 0] * place.spot[j] - contact.object_rotation[0, i, j, 0] * y
         x[first + i, 0] = min(max(value, interior.lower[first + i]), interior.upper[first + i])

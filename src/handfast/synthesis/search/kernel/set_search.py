@@ -11,7 +11,7 @@ contact normal, to the cone; a patch's normal, exactly; C_k - C_l, exactly; boun
 angles between them agree up to both tolerances: the triangle inequality on the sphere.
 
 Over a box every quantity is its Taylor polynomial of degree one about the middle and a remainder
-(`taylor`). `PAD` covers the rounding of the few operations on them. Each condition is a linear row with
+(`taylor`). `ROW_PADDING` covers the rounding of the few operations on them. Each condition is a linear row with
 an interval, narrows the box, or discards it.
 """
 
@@ -24,7 +24,7 @@ from handfast.synthesis.search.kernel.angle_terms import (
     I_J,
     LINE_I,
     LINE_J,
-    OBJECT,
+    OBJECT_OFFSET,
     TRIPLE,
     Direction,
     agree,
@@ -35,9 +35,9 @@ from handfast.synthesis.search.kernel.angle_terms import (
     unit,
 )
 from handfast.synthesis.search.kernel.narrowing import (
-    AGAIN,
-    LOOKS,
-    PAD,
+    BOX_LOOKS,
+    REPEAT_SHARE,
+    ROW_PADDING,
     angle,
     center,
     cut,
@@ -53,7 +53,7 @@ from handfast.synthesis.search.kernel.taylor import (
     HAND_POINT,
     OBJECT_DIRECTION,
     OBJECT_POINT,
-    WIDER,
+    TAYLOR_INFLATION,
     element,
     norm,
     spread,
@@ -61,7 +61,7 @@ from handfast.synthesis.search.kernel.taylor import (
 from handfast.synthesis.search.workspace import LEFT, NODES, SMALL, SetWork
 from handfast.synthesis.task_groups import Flat
 
-TURN = 0.12  # units of length that one of a direction counts for when a coordinate is chosen to split
+DIRECTION_LENGTH = 0.12  # units of length that one of a direction counts for when a coordinate is chosen to split
 
 
 @inner
@@ -80,17 +80,17 @@ def _length(a, b, question, task, work):
     for c in range(3):
         d[c] = value[a, HAND_POINT, c] - value[b, HAND_POINT, c]
         e[c] = value[a, OBJECT_POINT, c] - value[b, OBJECT_POINT, c]
-    d_error = (remainder[a, HAND_POINT] + remainder[b, HAND_POINT]) * WIDER
-    e_error = (remainder[a, OBJECT_POINT] + remainder[b, OBJECT_POINT]) * WIDER
+    d_error = (remainder[a, HAND_POINT] + remainder[b, HAND_POINT]) * TAYLOR_INFLATION
+    e_error = (remainder[a, OBJECT_POINT] + remainder[b, OBJECT_POINT]) * TAYLOR_INFLATION
     d_size, e_size = norm(d), norm(e)
     d_stray, e_stray = spread(P, box.half, use) + d_error, spread(Q, box.half, use) + e_error
     for i in use:
         g[i] = 2 * (d[0] * P[i, 0] + d[1] * P[i, 1] + d[2] * P[i, 2])
         g[i] -= 2 * (e[0] * Q[i, 0] + e[1] * Q[i, 1] + e[2] * Q[i, 2])
     low, high = _bend(a, b, d_error, d_stray, question, task, work)
-    pad = PAD * (d_size * d_size + e_size * e_size + abs(low) + abs(high))
-    least = low - (2 * e_size * e_error + e_stray * e_stray) * WIDER - pad
-    most = high + 2 * e_size * e_error * WIDER + pad
+    pad = ROW_PADDING * (d_size * d_size + e_size * e_size + abs(low) + abs(high))
+    least = low - (2 * e_size * e_error + e_stray * e_stray) * TAYLOR_INFLATION - pad
+    most = high + 2 * e_size * e_error * TAYLOR_INFLATION + pad
     fits = narrow(d_size * d_size - e_size * e_size, g, least, most, box, use)
     return fits, d_error, e_error, d_stray, e_stray
 
@@ -105,7 +105,7 @@ def _bend(a, b, error, stray, question, task, work):
     use, polynomials, form, half = question.use, work.polynomials, work.line.form, work.box.half
     d, P, chains = work.line.line[0], work.line.slope[0], task.chains
     size = norm(d)
-    rest = 2 * size * (polynomials.rest[a] + polynomials.rest[b]) * WIDER
+    rest = 2 * size * (polynomials.rest[a] + polynomials.rest[b]) * TAYLOR_INFLATION
     for i in use:
         for j in use:
             form[i, j] = 0.0
@@ -123,13 +123,13 @@ def _bend(a, b, error, stray, question, task, work):
                 if i < j:
                     form[w, v] += both
     low, high = _ends(form, half, use)
-    far = 2 * size * error * WIDER
-    least, most = max(low - rest, -far), min(high + rest, far) + stray * stray * WIDER
+    far = 2 * size * error * TAYLOR_INFLATION
+    least, most = max(low - rest, -far), min(high + rest, far) + stray * stray * TAYLOR_INFLATION
     for i in use:
         for j in use:
             form[i, j] += P[i, 0] * P[j, 0] + P[i, 1] * P[j, 1] + P[i, 2] * P[j, 2]
     low, high = _ends(form, half, use)
-    rest += (2 * (stray - error) * error + error * error) * WIDER
+    rest += (2 * (stray - error) * error + error * error) * TAYLOR_INFLATION
     return max(least, low - rest), min(most, high + rest)
 
 
@@ -180,7 +180,7 @@ def _spin(i, use, box, polynomials, line, terms):
     tolerance, arcs, half = polynomials.tolerance, line.arcs, box.half
     for body in range(2):
         along, first = _along(body, line), direction(i, HAND_DIRECTION + 2 * body, polynomials)
-        product(LINE_I + OBJECT * body, along, first, half, use, terms)
+        product(LINE_I + OBJECT_OFFSET * body, along, first, half, use, terms)
     if not agree(LINE_I, tolerance[i], box, use, terms):
         return False
     for j in range(i):
@@ -192,9 +192,9 @@ def _spin(i, use, box, polynomials, line, terms):
         for body in range(2):
             along, first = _along(body, line), direction(i, HAND_DIRECTION + 2 * body, polynomials)
             second = direction(j, HAND_DIRECTION + 2 * body, polynomials)
-            product(LINE_J + OBJECT * body, along, second, half, use, terms)
-            product(I_J + OBJECT * body, first, second, half, use, terms)
-            triple(TRIPLE + OBJECT * body, along, first, second, half, use, terms)
+            product(LINE_J + OBJECT_OFFSET * body, along, second, half, use, terms)
+            product(I_J + OBJECT_OFFSET * body, first, second, half, use, terms)
+            triple(TRIPLE + OBJECT_OFFSET * body, along, first, second, half, use, terms)
         if not twist(tolerance[i], tolerance[j], box, use, terms):
             return False
     return True
@@ -220,7 +220,7 @@ def _pair(i, j, use, box, polynomials, terms):
     for body in range(2):
         first = direction(i, HAND_DIRECTION + 2 * body, polynomials)
         second = direction(j, HAND_DIRECTION + 2 * body, polynomials)
-        product(I_J + OBJECT * body, first, second, box.half, use, terms)
+        product(I_J + OBJECT_OFFSET * body, first, second, box.half, use, terms)
     return agree(I_J, both, box, use, terms)
 
 
@@ -230,7 +230,7 @@ def _narrowed(bounds, task, question, work):
     contacts, use = question.contacts, question.use
     box, polynomials, terms = work.box, work.polynomials, work.terms
     count = contacts.shape[0]
-    for _ in range(LOOKS):
+    for _ in range(BOX_LOOKS):
         center(bounds, use, box)
         for a in range(count):
             element(contacts[a], a, task, question.derivative_bounds, work)
@@ -248,7 +248,7 @@ def _narrowed(bounds, task, question, work):
         shrunk = cut(bounds, use, box)
         if shrunk < 0:
             return False
-        if shrunk > AGAIN:
+        if shrunk > REPEAT_SHARE:
             break
     return True
 
@@ -261,8 +261,8 @@ def _longest(box, question, slope):
         half = 0.5 * (box[i, 1] - box[i, 0])
         stray = 0.0
         for a in range(question.contacts.shape[0]):
-            on_hand = norm(slope[a, HAND_POINT, i]) + TURN * norm(slope[a, HAND_DIRECTION, i])
-            on_object = norm(slope[a, OBJECT_POINT, i]) + TURN * norm(slope[a, OBJECT_DIRECTION, i])
+            on_hand = norm(slope[a, HAND_POINT, i]) + DIRECTION_LENGTH * norm(slope[a, HAND_DIRECTION, i])
+            on_object = norm(slope[a, OBJECT_POINT, i]) + DIRECTION_LENGTH * norm(slope[a, OBJECT_DIRECTION, i])
             stray = max(stray, max(on_hand, on_object) * half)
         if stray > worst:
             best, worst = i, stray

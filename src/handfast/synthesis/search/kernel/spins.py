@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.narrowing import PAD, angle
+from handfast.synthesis.search.kernel.narrowing import ROW_PADDING, angle
 from handfast.synthesis.search.kernel.taylor import HAND_DIRECTION, OBJECT_DIRECTION, norm
 
 
@@ -47,7 +47,7 @@ def _arc(theta, phi, tolerance):
 
     theta, phi: their angles from the line.
     """
-    if tolerance < abs(theta - phi) - PAD:
+    if tolerance < abs(theta - phi) - ROW_PADDING:
         return -1.0
     both = min(theta + phi, 2 * np.pi - theta - phi)
     if tolerance >= both - 1e-7:
@@ -95,7 +95,7 @@ def _in_common(arcs):
         begin = arcs[i, 2] - arcs[i, 4]
         fine = True
         for j in range(many):
-            if arcs[j, 4] < np.pi and between(begin, arcs[j, 2]) > arcs[j, 4] + PAD:
+            if arcs[j, 4] < np.pi and between(begin, arcs[j, 2]) > arcs[j, 4] + ROW_PADDING:
                 fine = False
                 break
         if fine:

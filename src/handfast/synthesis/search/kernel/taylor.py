@@ -2,7 +2,7 @@
 
 Remainders bound the second derivatives over the whole box: for chains of joints by the distances to the axes,
 for regions by constants of theirs (`prover.derivative_bounds`). Middles are plain
-floating point. A chain of s joints and a patch of degree (M, N) make them within `ROUNDING` of the exact
+floating point. A chain of s joints and a patch of degree (M, N) make them within `TAYLOR_ROUNDING` of the exact
 values: at most 30 (s + M + N) roundings of 1.2e-16, on numbers of at most a few units, is below 1e-13.
 """
 
@@ -12,13 +12,13 @@ import numpy as np
 
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.kinematics import OF_REALS
-from handfast.synthesis.task_groups import CAP, POSE, PRISMATIC
+from handfast.synthesis.task_groups import CAP_REGION, POSE, PRISMATIC
 
 chain, surface = OF_REALS
 
 HAND_POINT, HAND_DIRECTION, OBJECT_POINT, OBJECT_DIRECTION = 0, 1, 2, 3  # what there are polynomials of
-ROUNDING = 1e-11  # units and units per radian
-WIDER = 1.0 + 1e-12
+TAYLOR_ROUNDING = 1e-11  # units and units per radian
+TAYLOR_INFLATION = 1.0 + 1e-12
 
 
 @inner
@@ -35,7 +35,7 @@ def spread(slope, half, use):
         for i in use:
             reach += abs(slope[i, c]) * half[i]
         total += reach * reach
-    return np.sqrt(total) * WIDER
+    return np.sqrt(total) * TAYLOR_INFLATION
 
 
 @inner
@@ -72,7 +72,7 @@ def element(k, row, task, derivative_bounds, whole):
     if k == task.chains.joints.shape[0]:
         value, remainder = polynomials.value[row], polynomials.remainder[row]
         value[:, :] = 0.0
-        remainder[:] = polynomials.rest[row] = ROUNDING
+        remainder[:] = polynomials.rest[row] = TAYLOR_ROUNDING
         for i in range(3):
             v = task.coordinates.parameter[0] - POSE + i
             value[HAND_POINT, i], slope[HAND_POINT, v, i] = box.middle[v], 1.0
@@ -92,7 +92,7 @@ def _on_object(k, row, first, box, regions, bounds, polynomials, work):
     rows, largest = work.object_surface, work.largest
     s, t, half_s, half_t = box.middle[first], box.middle[first + 1], box.half[first], box.half[first + 1]
     surface(k, k, s, t, regions, rows, work)
-    rolls = regions.hand[k] == CAP
+    rolls = regions.hand[k] == CAP_REGION
     out = regions.radius[k] if rolls else 0.0
     faces = -regions.sign[k] if rolls else -1.0
     for i in range(3):
@@ -102,8 +102,8 @@ def _on_object(k, row, first, box, regions, bounds, polynomials, work):
             slope[OBJECT_POINT, first + way, i] = rows[1 + way, i] + out * rows[7 + way, i]
             slope[OBJECT_DIRECTION, first + way, i] = faces * rows[7 + way, i]
     worst(bounds, s, half_s, t, half_t, largest)
-    remainder[OBJECT_POINT] = (_second(largest, 2, half_s, half_t) + ROUNDING) * WIDER
-    remainder[OBJECT_DIRECTION] = (_second(largest, 7, half_s, half_t) + ROUNDING) * WIDER
+    remainder[OBJECT_POINT] = (_second(largest, 2, half_s, half_t) + TAYLOR_ROUNDING) * TAYLOR_INFLATION
+    remainder[OBJECT_DIRECTION] = (_second(largest, 7, half_s, half_t) + TAYLOR_ROUNDING) * TAYLOR_INFLATION
 
 
 @inner
@@ -170,10 +170,10 @@ def _on_hand(k, row, in_link, half, chains, polynomials, work):
             for c in range(3):
                 work.arm[c] = bend[step, step, c]
             across(work.joint_axis[step], work.arm, chains.ratio[k, step], bend[step, step])
-    extra = ROUNDING * (1.0 + turned)
-    polynomials.rest[row] = (rest + extra * (1.0 + turned)) * WIDER
-    remainder[HAND_POINT] = (left + extra) * WIDER
-    remainder[HAND_DIRECTION] = (0.5 * turned * turned + turned * tilt + bow + extra) * WIDER
+    extra = TAYLOR_ROUNDING * (1.0 + turned)
+    polynomials.rest[row] = (rest + extra * (1.0 + turned)) * TAYLOR_INFLATION
+    remainder[HAND_POINT] = (left + extra) * TAYLOR_INFLATION
+    remainder[HAND_DIRECTION] = (0.5 * turned * turned + turned * tilt + bow + extra) * TAYLOR_INFLATION
 
 
 @inner
@@ -194,7 +194,7 @@ def _in_link(k, row, first, box, regions, bounds, polynomials, work):
     rows, largest = work.hand_surface, work.largest
     for i in range(3):
         value[HAND_POINT, i], value[HAND_DIRECTION, i] = work.link_position[i], 0.0
-    if regions.hand[k] == CAP:
+    if regions.hand[k] == CAP_REGION:
         for i in range(3):
             for j in range(3):
                 value[HAND_POINT, i] += R[i, j] * regions.center[k, j]
