@@ -12,6 +12,7 @@ disappears. What is left may want nothing but functions of C's mathematical libr
 from __future__ import annotations
 
 import ast
+import gc
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -43,6 +44,7 @@ KNOWN |= {"sin", "sqrt", "tan", "memset", "memcpy", "memmove"}
 
 def main(module: str, folder: str, names: str) -> None:
     """Write the object files of the library that a module declares: for each baseline one, with its name."""
+    gc.set_threshold(200_000)  # numba makes millions of objects and keeps them: to look through them takes an eighth
     OPTIONS["pipeline_class"] = _Compiler  # of the functions that are declared from here on
     library: Library = import_module(module).LIBRARY
     baselines = [x for x in BASELINES if x.name in names.split()]
