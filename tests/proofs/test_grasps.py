@@ -136,7 +136,10 @@ REFUSED = {
     "stronger": (put(G + "strength/factor", 3.1), "grasp 1: 3.1 times down: .*missed"),
     "slides": (put(G + "witnesses/down/r/0", 0.3), "grasp 1: down: "),  # friction is not along what slides
     "one contact": (put(G + "grasp/contacts/0/friction", 0.9), "grasp 1: friction at its contacts is not 0.8$"),
-    "fixed": (put("task/hand/joints/1/limits", [0.05, 0.06]), "^'?.*right_slide"),
+    "fixed": (
+        put("task/hand/joints/1/limits", [0.015, 0.015]),
+        "^joint right_slide is fixed by its limits, but follows",
+    ),
     "no state": (put(G + "witnesses/weight", ...), "grasp 1: has no witness of weight$"),
     "no state of more": (put(G + "strength/witnesses/weight", ...), "grasp 1: has no witness of 3 times weight$"),
     "friction": (put("question/friction", 0.9), "grasp 1: friction at its contacts is not 0.9$"),
