@@ -28,10 +28,8 @@ from handfast.readers.region_file import load_hand_regions
 FORWARD = 0.25  # a tip also touches with its end: share of the outward direction in its facing one
 FACING_COSINE = np.cos(np.radians(50))  # of the angle between a facing triangle's normal and the facing direction
 HALF_ANGLE = np.radians(60)  # of a cap on a sphere
-CROWN, CROWN_ANGLE = (
-    2e-4,
-    np.radians(2.5),
-)  # [m, rad] how much a flat pad is rounded at least: flat on flat has no proof
+# [m, rad] how much a flat pad is rounded at least: flat on flat has no proof
+CROWN, CROWN_ANGLE = 2e-4, np.radians(2.5)
 SPHERE_TOLERANCE = 3e-4  # [m] a part this near to a sphere is taken as one
 MAX_SPHERE_RADIUS = 0.05  # [m] radius of the largest sphere that counts as one
 FACING_CELLS = 8  # cells along a facing part when its triangles are cut

@@ -25,10 +25,8 @@ MAP = "none, no friction"
 NORMALS = "equal pushes"
 RIGID_JOINTS = "joints, no motors"
 OURS = "joints and commands"
-MEASURE_NODES, MEASURE_GAP = (
-    1000,
-    1e-2,
-)  # of each direction's search: a limit that every machine meets at the same place
+# of each direction's search: a limit that every machine meets at the same place
+MEASURE_NODES, MEASURE_GAP = 1000, 1e-2
 
 
 # --- our own: passive maxima ---

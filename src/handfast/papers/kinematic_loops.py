@@ -24,9 +24,8 @@ from handfast.model.hand.coupling import driver_ranges, drivers
 from handfast.model.hand.hand import Hand, Joint
 from handfast.synthesis.task import Task
 
-AXIS_TOLERANCE = (
-    1e-9  # [m, unit vectors] axes that miss, or differ in direction, by less are taken for one point or line
-)
+# [m, unit vectors] axes that miss, or differ in direction, by less are taken for one point or line
+AXIS_TOLERANCE = 1e-9
 MIN_JOINT_RANGE = 1e-12  # [rad, m] a range narrower than this is none
 FULL_TURN = 2 * np.pi - 1e-12  # [rad] a range from here on limits nothing
 

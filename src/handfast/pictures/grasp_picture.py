@@ -23,11 +23,8 @@ from handfast.pictures.drawing import AMBER, ARROW_STYLE, BLUE, GREEN, GREY, HAL
 from handfast.pictures.scene import Mesh, arrows, finger_lines, placed_joints
 from handfast.stability.problem.witness import Witness
 
-NAMED, KEY_COLUMNS, KEY_LINE = (
-    8,
-    3,
-    0.16,
-)  # joints that are named in place; columns of the key, and [inches] a line of it
+# joints that are named in place; columns of the key, and [inches] a line of it
+NAMED, KEY_COLUMNS, KEY_LINE = 8, 3, 0.16
 TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure
 ARROWS = {"forces": (BLUE, 6), "motions": (VIOLET, 5), "disturbance": (AMBER, 7)}  # colours, order of drawing
 JOINT = 0.3  # half length of a joint axis, in grasp sizes

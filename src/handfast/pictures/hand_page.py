@@ -20,13 +20,8 @@ from handfast.pictures.page_parts import table
 from handfast.pictures.view3d import PART_COLORS
 from handfast.pictures.words import tendon_rows
 
-HAND_SCRIPTS = (
-    "shapes3d.js",
-    "kinematics3d.js",
-    "stage3d.js",
-    "controls3d.js",
-    "hand3d.js",
-)  # one script, in this order
+# one script, in this order
+HAND_SCRIPTS = "shapes3d.js", "kinematics3d.js", "stage3d.js", "controls3d.js", "hand3d.js"
 HAND_SWITCHES = {  # name: (label, on at first)
     "hand": ("links", True),
     "regions": ("regions", True),

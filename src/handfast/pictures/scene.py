@@ -20,11 +20,8 @@ from handfast.model.hand.hand import Hand
 from handfast.model.shape import Faces, Shape
 from handfast.stability.problem.witness import Witness
 
-FORCE_LENGTH, MOTION_LENGTH, MOMENT = (
-    0.85,
-    0.4,
-    0.6,
-)  # [grasp sizes] lengths of the largest force, motion, and of a torque
+# [grasp sizes] lengths of the largest force, motion, and of a torque
+FORCE_LENGTH, MOTION_LENGTH, MOMENT = 0.85, 0.4, 0.6
 MIN_LOAD_LENGTH = 0.3  # [grasp sizes] length of a disturbance at least
 SLOW = 0.02  # share of the fastest motion below which one is left out
 SINGLE = 1e-6  # cosine of force and torque below which a wrench is a single force

@@ -36,11 +36,8 @@ BOUND_ROUNDING = 1 + 1e-9  # on the bound, over that of the leaves' factors
 BOUND_EDGES = 16  # of the pyramids about the friction cones
 SOFT_EDGES = 8  # of those of soft fingers, on each of three circles
 CLIMBED = 4  # placements of a step, near the best that was met
-MAX_BOUND_STEP, MIN_BOUND_STEP, SHORTER = (
-    0.3,
-    0.01,
-    0.9,
-)  # share of the whole, of the steps to these; after one that was not better
+# share of the whole, of the steps to these; after one that was not better
+MAX_BOUND_STEP, MIN_BOUND_STEP, SHORTER = 0.3, 0.01, 0.9
 BOUND_TOLERANCE = 1e-3  # relative: a bound that is so near to what was reached is not improved
 
 

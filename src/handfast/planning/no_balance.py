@@ -39,9 +39,8 @@ from handfast.synthesis.task import Task
 
 BALANCE_BATCH = 64  # boxes that are examined together
 MIN_BOX_SIDE = 1e-7  # of the whole: a box with no longer side is not halved
-RANDOM_PLACEMENTS = (
-    24  # placements, drawn at random, of which one at which all loads balance ends the search before it begins
-)
+# placements, drawn at random, of which one at which all loads balance ends the search before it begins
+RANDOM_PLACEMENTS = 24
 PLACEMENT_ROUNDS, PLACEMENT_STEPS, MAX_PLACEMENT_STEP = 12, 8, 0.3  # of steps from the best of them; share of the whole
 TRIED_MIDDLES = 2  # of the boxes of a step that are halved, in whose middles all loads may balance
 HEAVY = 20.0  # length of the load's wrench beside those of contact forces: it is the same in the whole box

@@ -41,10 +41,8 @@ from handfast.synthesis.task_file import save_task
 from handfast.synthesis.task_problem import TaskProblem
 
 CONFIGURATION_TRIES = 24  # certified configurations of a candidate from which the clearest is taken
-TASK_POSE_BOUNDS = (
-    0.03,
-    0.25,
-)  # [m, -] the task's bounds on the object's position and on the components of its axes about that
+# [m, -] the task's bounds on the object's position and on the components of its axes about that
+TASK_POSE_BOUNDS = 0.03, 0.25
 MIN_CLEARANCE = -1e-3  # [m] a clearance above this: regions and patches lie this near to the shapes
 PROPOSAL_SETS = 16  # sets of places that are looked at closely for each proposal that is asked for
 PER_PROPOSAL = 6  # candidates that are tried for each proposal that is asked for

@@ -33,14 +33,11 @@ from handfast.proofs.states import (
 )
 from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL, motion_size
 
-FORCE_DEVIATION = (
-    1e-6  # relative to the forces that act: how far the forces that are proved may be from the printed ones
-)
+# relative to the forces that act: how far the forces that are proved may be from the printed ones
+FORCE_DEVIATION = 1e-6
 MODE_TRIES = 16  # modes that are tried
-ACTIVE_SLACK, REQUIRED_SLACK = (
-    1e-7,
-    1e-8,
-)  # relative to the forces that act: inequalities kept by less are to be kept by so much
+# relative to the forces that act: inequalities kept by less are to be kept by so much
+ACTIVE_SLACK, REQUIRED_SLACK = 1e-7, 1e-8
 
 
 @dataclass(frozen=True)

@@ -40,10 +40,8 @@ SCHEMA = "handfast/contacts/1"
 DIRECTION_MARGIN = 1e-6  # [rad], or of a sum
 OPPOSITE_TOLERANCE = 1e-9  # of loads: these are one the other with the other sign
 DIRECTION = 1e-3  # share of the largest of the loads below which a force or a torque counts as no direction
-SURFACE_PARTS, SURFACE_HALVINGS = (
-    6000,
-    48,
-)  # of the surface that are looked at together, and how often each is halved, at most
+# of the surface that are looked at together, and how often each is halved, at most
+SURFACE_PARTS, SURFACE_HALVINGS = 6000, 48
 CUBE_GRID = 200  # directions along each side of the six faces of a cube
 
 

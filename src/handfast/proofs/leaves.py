@@ -47,10 +47,8 @@ from handfast.proofs.structural_rank import as_bits, fewer_columns, fewer_rows, 
 # relative: multipliers below the first are taken for 0, as they are most often rounding of a solver; where that shows
 # nothing, those below the second
 WEIGHT_CUTOFFS = (1e-11, 1e-13)
-PIVOT_TOLERANCE, COARSE_PIVOTS = (
-    1e-9,
-    (1e-6, 1e-4),
-)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
+# of scaled rows: pivots that are smaller do not count; where that shows nothing
+PIVOT_TOLERANCE, COARSE_PIVOTS = 1e-9, (1e-6, 1e-4)
 SUM_INFLATION = 1 + 1e-9  # rounds sums of bounds up
 CHUNK = 128  # systems inverted at a time
 

@@ -25,10 +25,8 @@ from handfast.proofs.fields import Array, exact, floats, not_zero
 from handfast.proofs.states import UNIT_ROUNDOFF, ContactMode, Modes, Part, Problem, State, reaction_ends, sense
 from handfast.proofs.tolerance import EPS, WORK, motion_size
 
-ALLOWED_SHARE, RESIDUAL_INFLATION = (
-    1 - 1e-6,
-    1 + 1e-9,
-)  # what is allowed, and what is bounded, with room for the rounding of bounds
+# what is allowed, and what is bounded, with room for the rounding of bounds
+ALLOWED_SHARE, RESIDUAL_INFLATION = 1 - 1e-6, 1 + 1e-9
 
 
 @dataclass(frozen=True, eq=False)

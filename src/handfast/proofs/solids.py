@@ -21,10 +21,8 @@ from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
 SOLID_SIZES = {"mesh": 0, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
 EQUAL_NORMAL_ANGLE = 1e-7  # [rad] normals that differ by less are one
 MAX_NORMAL_CONE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
-SOLID_TOUCH_DISTANCE, COVER_DISTANCE = (
-    1e-5,
-    2e-5,
-)  # [m] solids that are this near touch; one that goes so far beyond a point covers it
+# [m] solids that are this near touch; one that goes so far beyond a point covers it
+SOLID_TOUCH_DISTANCE, COVER_DISTANCE = 1e-5, 2e-5
 CONVEXITY_TOLERANCE = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
 SOLID_BATCH = 512  # parts that are looked at together
 RIM_PARTS = 180  # parts of a rim

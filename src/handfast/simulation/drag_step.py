@@ -24,10 +24,8 @@ import numpy as np
 from handfast.core.arrays import Array
 
 STICK_MOTION = 3e-7  # [grasp sizes] motion over which a contact that sticks takes up its friction
-FRICTION_ROUNDS, FRICTION_CHANGE = (
-    12,
-    1e-4,
-)  # repetitions of the normal forces in friction; their change [force units] that is none
+# repetitions of the normal forces in friction; their change [force units] that is none
+FRICTION_ROUNDS, FRICTION_CHANGE = 12, 1e-4
 DRAG_NEWTON_STEPS, NEWTON_RESIDUAL = 60, 1e-9  # Newton steps; forces [force units] that are taken for balanced
 MIN_NEWTON_SHARE = 1e-14  # share of a Newton step that still may help
 

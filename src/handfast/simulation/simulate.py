@@ -44,9 +44,8 @@ HOLD, MAX_HOLD_SECONDS = 2, 24  # [s] for the full load: at least, and at most w
 FADES = 0.7  # a rate that is less than this share of that a second before is fading
 ELASTIC = 3.0  # times the usual speed at which a grasp gives way in step with the load: that fast it slips
 SOFTER = 10.0  # times: friction in the engine, to tell its own creep from a slip
-TOUCH_COMMAND = (
-    1e-3  # of the commands comes first where they grow with the load: the hand touches before it is pulled at
-)
+# of the commands comes first where they grow with the load: the hand touches before it is pulled at
+TOUCH_COMMAND = 1e-3
 GROWTH_POWER = 3  # commands and load grow with this power of time: in proportion to what acts already, never abruptly
 SAMPLE = 0.02  # [s] between two moments of the history
 RATE_WINDOW = 25  # moments over which the rate at the end is taken, 0.5 s

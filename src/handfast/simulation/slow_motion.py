@@ -19,9 +19,8 @@ from handfast.model.shape import Shape
 from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.hand_drive import JointResistance, MotorDrive
 
-DRAG_STIFFNESS = (
-    3e3  # of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
-)
+# of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
+DRAG_STIFFNESS = 3e3
 HARDER = 100.0  # times as stiff are gearings and joint stops
 MAX_STEP_DURATION = 100.0  # duration of a step in which the force unit would drive a free object by as many grasp sizes
 MAX_STEP_MOTION = 7.5e-3  # [grasp sizes, rad] that anything moves in a step; beyond it the step is made shorter

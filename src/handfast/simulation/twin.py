@@ -19,18 +19,15 @@ from handfast.core.transforms import matrix_quaternion, normal_frame
 from handfast.model.grasp import Contact, Grasp
 
 TWIN_TIME_STEP = 1e-3  # [s]
-TWIN_STIFFNESS = (
-    1e5  # of a contact [force unit / length unit]: the force unit presses it in by 1e-5 of the grasp's size
-)
+# of a contact [force unit / length unit]: the force unit presses it in by 1e-5 of the grasp's size
+TWIN_STIFFNESS = 1e5
 CONTACT_RATE = 100.0  # [1/s] at which a pressed contact comes to rest, critically damped
 FRICTION_RATE = 20.0  # [1/s] at which a sticking contact does; mujoco lifts a sliding contact in proportion to it
 TWIN_CREEP_RATIO = 1e5  # mujoco's impratio: how much stiffer a contact is against sliding than against pressing
 DRAG_TIME = 0.05  # [s] after which what nothing drives has stopped: motion is slow, as the question is about rest
 TIP = 0.02  # [length unit] radius of the sphere that stands for a finger at a contact
-RIGID_COUPLING = (
-    (2 * TWIN_TIME_STEP, 1.0),
-    (0.9999, 0.9999, 0.001, 0.5, 2.0),
-)  # solref and solimp of couplings and gearings: all but rigid
+# solref and solimp of couplings and gearings: all but rigid
+RIGID_COUPLING = (2 * TWIN_TIME_STEP, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
 UNLIMITED_RANGE = 1e3  # [rad, length unit] no joint gets there
 STOP_RANGES = {
     "": (-UNLIMITED_RANGE, UNLIMITED_RANGE),

@@ -10,9 +10,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.synthesis.task import PoseBounds
 
-ROTATION_SLACK = (
-    1e-9  # an equation of the rotation may fail by this much: far more than rounding, far less than a bound
-)
+# an equation of the rotation may fail by this much: far more than rounding, far less than a bound
+ROTATION_SLACK = 1e-9
 POSE_CHECK_BOXES = 1024  # parts of the bounds that are looked at before the question is left to the search
 NARROWING_PASSES = 4  # passes over the equations for each part
 

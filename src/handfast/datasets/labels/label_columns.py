@@ -13,12 +13,8 @@ import numpy as np
 SCHEMA = "handfast/labels/1"
 Kind = Literal["integer", "number", "text", "numbers", "texts", "points"]  # plural: a list of them; points: of (3,)
 
-HELD_BY_VALUES = (
-    "these",
-    "others",
-    "none",
-    "undecided",
-)  # commands of the row, others that were found, no commands at all
+# commands of the row, others that were found, no commands at all
+HELD_BY_VALUES = "these", "others", "none", "undecided"
 WRENCHES = tuple(sign + axis for sign in ("+", "-") for axis in ("fx", "fy", "fz", "tx", "ty", "tz"))
 
 

@@ -28,13 +28,8 @@ MIN_QUESTION_TIME = 1e-3  # [s] that a question has where no time is left,
 MIN_QUESTION_NODES = 64  # and nodes
 COMMAND_GAP, BRIEF = 0.1, 256  # gap and nodes of commands that need not be the least,
 FIRST_NODES = 16  # and nodes that show mostly that there are none
-COMMAND_FACTORS = (
-    1.5,
-    1.1,
-    2.5,
-    5.0,
-    1.00001,
-)  # of the smallest commands for one load: they may hold all, some to spare
+# of the smallest commands for one load: they may hold all, some to spare
+COMMAND_FACTORS = 1.5, 1.1, 2.5, 5.0, 1.00001
 
 
 @dataclass(frozen=True)

@@ -26,10 +26,8 @@ from handfast.datasets.published.plain_pickle import (
 
 MAX_ARRAY_BYTES = 2**31  # [bytes] of a file, and of what is packed in one
 PACKED, SMALL_ARCHIVE = 100, 2**26  # times as much may be in a zip file as it has bytes, beyond [bytes] what is small
-MAX_PICKLE_RATIO, SHORT_PICKLE = (
-    20,
-    2**20,
-)  # the same of a pickle in it, whose bytes make objects; torch does not pack it at all
+# the same of a pickle in it, whose bytes make objects; torch does not pack it at all
+MAX_PICKLE_RATIO, SHORT_PICKLE = 20, 2**20
 MAX_NPY_HEADER = 10_000  # characters of an .npy header
 LEGACY = 0x1950A86A20F9469CFC6C  # with this number the torch files of the time before zip begin
 

@@ -33,10 +33,8 @@ from handfast.datasets.published.recorded import (
 )
 
 AT_ORIGIN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # a pose
-PLACE, ROTATION_JOINTS = (
-    ("WRJTx", "WRJTy", "WRJTz"),
-    ("WRJRx", "WRJRy", "WRJRz"),
-)  # [m]; [rad] about the fixed x, then y, then z
+# [m]; [rad] about the fixed x, then y, then z
+PLACE, ROTATION_JOINTS = ("WRJTx", "WRJTy", "WRJTz"), ("WRJRx", "WRJRy", "WRJRz")
 SQUEEZE = 0.2  # [rad] of the joint that GraspQP's velocities move most; they say the direction alone
 
 

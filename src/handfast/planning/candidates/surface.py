@@ -24,10 +24,8 @@ NORMAL_SPREAD = np.radians(30)  # of the normals over a patch, from that in its 
 PATCH_SHAPES = ((1.0, 1.0), (1.0, 0.6), (0.6, 0.6), (1.0, 0.35), (0.6, 0.35), (0.35, 0.35), (0.6, 0.2), (0.2, 0.2))
 COARSE_GRID, FINE_GRID = 7, 13  # points along each side of the projected grid, to look and to fit
 ERROR = 5e-4  # [m] largest distance of a patch from the mesh
-SURFACE_HEIGHT, BURIED_DEPTH = (
-    1e-3,
-    3e-4,
-)  # [m] what is this high above the surface is in no solid, or less deep than that
+# [m] what is this high above the surface is in no solid, or less deep than that
+SURFACE_HEIGHT, BURIED_DEPTH = 1e-3, 3e-4
 POINT_DENSITY = 12  # points drawn for each one that is kept
 RAY_OFFSET = 1e-5  # [m] where a ray through the object starts
 

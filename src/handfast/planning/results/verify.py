@@ -41,9 +41,8 @@ from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import digest, fingerprint, task_to_dict
 
 MAX_VALUE_LENGTH = 60  # characters of a value that are shown
-COMPUTED_SIZE = (
-    1e-3  # what is computed in several steps has an error of this size times `NUMBER_TOLERANCE`, however small it is
-)
+# what is computed in several steps has an error of this size times `NUMBER_TOLERANCE`, however small it is
+COMPUTED_SIZE = 1e-3
 
 FOLLOWS = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
 OBJECT_CLAIM = "loads, friction, solids and centre of mass are those of the plan and of the object's file"

@@ -24,9 +24,8 @@ from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.witness import Witness
 
 INF = float("inf")
-COMMAND_END_FACTOR = (
-    1e3  # times the usual end of magnitudes, where nothing is resisted up to there: commands still count there
-)
+# times the usual end of magnitudes, where nothing is resisted up to there: commands still count there
+COMMAND_END_FACTOR = 1e3
 HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
 STRONGEST = 1e3  # (scaled) commands that are sought go as far
 END_TOLERANCE = 1e-6  # relative: what is so near the end of a search is at it

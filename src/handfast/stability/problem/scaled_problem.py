@@ -441,10 +441,8 @@ def _lengths(length: Any) -> Array:
     return np.where(np.arange(6) < 3, 1.0, 1.0 / _wide(length))
 
 
-MIN_DISTURBANCE, MAX_DISTURBANCE = (
-    1e-100,
-    1e100,
-)  # of the largest number of a direction, and of any disturbance: squares stay numbers
+# of the largest number of a direction, and of any disturbance: squares stay numbers
+MIN_DISTURBANCE, MAX_DISTURBANCE = 1e-100, 1e100
 
 
 def as_wrench(w: object, field: str = "wrench") -> Array:

@@ -16,14 +16,8 @@ from handfast.stability.problem.judge import Residuals
 from handfast.stability.problem.model import Energy, State
 
 VALID = 1e-9  # relative residual of a witness, every equation
-WITNESS_KEYS = (
-    "residual",
-    "contacts",
-    "joint_torques",
-    "actuator_forces",
-    "object_motion",
-    "joint_motion",
-)  # of `to_json`
+# of `to_json`
+WITNESS_KEYS = "residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"
 
 
 @dataclass(frozen=True, eq=False)

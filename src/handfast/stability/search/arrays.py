@@ -47,9 +47,8 @@ WORKER_COUNTS = NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FA
 # what became of a row that is one of many, see `kernel.batch_loop`
 UNASKED, HELD, NONE, HARD, LIMITED = 0, 1, 2, 3, 4
 
-KEPT_WORKING_SETS = (
-    64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
-)
+# working sets of nodes that wait, those made last; in one more place, that of the node being split
+KEPT_WORKING_SETS = 64
 PATCH_SIZE = 22  # numbers of a patch, see `kernel.patch`
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 MANY_ACTUATORS = 12  # that may move, from which on the children of several parts are tried where proofs are replayed

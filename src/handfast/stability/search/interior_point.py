@@ -17,10 +17,8 @@ CONE_SIZE = 4  # numbers of a cone
 INTERIOR_POINT_STEPS = 60
 CENTRED = 0.1  # relative: how near the path its end is
 STEP_FRACTION = 0.99  # of the longest step
-FEASIBILITY_TOLERANCE, OPTIMALITY_TOLERANCE = (
-    1e-11,
-    1e-8,
-)  # relative: what x may miss of being inside, and multipliers of the smallest
+# relative: what x may miss of being inside, and multipliers of the smallest
+FEASIBILITY_TOLERANCE, OPTIMALITY_TOLERANCE = 1e-11, 1e-8
 UNFELT = 1e-12  # coefficients that are none
 SIGNS = np.array([1.0, -1.0, -1.0, -1.0])
 

@@ -23,14 +23,10 @@ from handfast.stability.search.reduced import Reduced, padded, reduce
 from handfast.stability.search.same_modes import ALIKE_MOTION, least_in_same_modes
 from handfast.stability.search.search import Search
 
-MOTION_SHARES = (
-    0.75,
-    0.9,
-)  # of the least motion so far, in which a search looks for another; 0.75 is surely less in length
-FAR_MOTION, MOTION_CAP_GROWTH = (
-    4.0,
-    16.0,
-)  # times the largest force: a motion that is far; so many times as far is the next bound
+# of the least motion so far, in which a search looks for another; 0.75 is surely less in length
+MOTION_SHARES = 0.75, 0.9
+# times the largest force: a motion that is far; so many times as far is the next bound
+FAR_MOTION, MOTION_CAP_GROWTH = 4.0, 16.0
 NODE_LIMIT = 200
 MOST_BOUNDS = 255  # that a search tells apart
 _GOLDEN = (1 + 5**0.5) / 2

@@ -25,9 +25,8 @@ from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
 
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
-MAX_ORIGIN_DISTANCE = (
-    100.0  # sizes of the grasp: how far from the origin its contacts may be before torques are taken about them
-)
+# sizes of the grasp: how far from the origin its contacts may be before torques are taken about them
+MAX_ORIGIN_DISTANCE = 100.0
 SINGULAR_TOLERANCE = 1e-10  # relative: singular values below are none
 EQUATION_TOLERANCE = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
 MIN_ACTUATOR_MOTION = 1e-12  # (scaled) motion from which an actuator turns

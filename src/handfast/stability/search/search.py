@@ -37,14 +37,11 @@ CLOSING_NODES = 4096  # nodes that are closed between two looks at the clock
 SLICE_NODES = 64  # nodes that a worker expands between two looks at the clock and at the other worker,
 BIG = 80  # fewer with more unknowns than this: a node takes time as their cube
 SPARE = 8  # rows of the tree that the kernel wants beyond what it may fill
-MIN_SHARED_NODES = (
-    16  # as many nodes must wait to be parted, once more if one worker has UNEVEN times as many as the other
-)
+# as many nodes must wait to be parted, once more if one worker has UNEVEN times as many as the other
+MIN_SHARED_NODES = 16
 UNEVEN = 4
-MIN_FAILURE_NODES, MAX_FAILURE_SHARE = (
-    128,
-    0.2,
-)  # nodes from which on, and share of them for which programs that fail are too many
+# nodes from which on, and share of them for which programs that fail are too many
+MIN_FAILURE_NODES, MAX_FAILURE_SHARE = 128, 0.2
 FIRST_POOL_NODES = 2048  # nodes at first
 INF = float("inf")
 

@@ -29,10 +29,8 @@ from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
 
-FIRST_SLICE_BOXES, SLICE_BOXES = (
-    2 * STEP_NODES,
-    20 * STEP_NODES,
-)  # boxes before another search has its turn: at the very beginning, and then
+# boxes before another search has its turn: at the very beginning, and then
+FIRST_SLICE_BOXES, SLICE_BOXES = 2 * STEP_NODES, 20 * STEP_NODES
 LONGER = 4  # turns grow to this fraction of what a search has had so far
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
 POSES = "poses"  # name of the pose-space search

@@ -39,11 +39,8 @@ NEWTON_GUESSES = 2  # solutions of rows before, from which Newton's method is tr
 NEGLIGIBLE_MOTION = 1e-6  # (scaled) below which motions and forces of theirs count as none
 ROW_SLICE_NODES = 64  # nodes between two looks at how many programs fail,
 MIN_FAILURE_NODES, MAX_FAILURE_SHARE = 128, 0.2  # from so many on: this share is too much
-FIRST_CUT_DISTANCE, CUT_GROWTH, MAX_CUTS = (
-    1e-6,
-    50.0,
-    4,
-)  # relative distance of the first cut that is to close what waits; of the next
+# relative distance of the first cut that is to close what waits; of the next
+FIRST_CUT_DISTANCE, CUT_GROWTH, MAX_CUTS = 1e-6, 50.0, 4
 RANGE_END_TOLERANCE = 1e-6  # relative: an objective so near the first of its range is at its end
 
 

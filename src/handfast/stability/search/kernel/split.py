@@ -39,11 +39,8 @@ CONE_TOLERANCE = 1e-6  # friction may leave its cone by as much in a program: fe
 CONE_GAP_SHARE = 1e-3  # or by this share of a smaller gap,
 MIN_CONE_TOLERANCE = 2e-9  # but not by less: rows are met to 1e-9
 FINEST_PATCH = 1 << 30  # patches of soft fingers from this number on are not split
-PARTING_COSINE, EIGHTH, MIN_SLIDE = (
-    0.5,
-    TURN_DIRECTIONS // 8,
-    1e-9,
-)  # cosine of an angle; no sector below is parted; no direction of less
+# cosine of an angle; no sector below is parted; no direction of less
+PARTING_COSINE, EIGHTH, MIN_SLIDE = 0.5, TURN_DIRECTIONS // 8, 1e-9
 DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
 # how much more that energy counts where a contact, or an actuator, is undecided, and the share of its friction in it;
 # it counts once where nodes are split by what their children leave
