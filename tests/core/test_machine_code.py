@@ -426,6 +426,7 @@ def test_only_what_is_missing_is_compiled(elsewhere: Elsewhere, monkeypatch: pyt
 
 @pytest.mark.parametrize("baseline", slow_after(1, RUN_HERE), ids=lambda x: x.name)  # others may have to be compiled
 @pytest.mark.slow
+@pytest.mark.timeout(1500)  # it compiles both kernels where none are kept, however busy the machine is
 def test_every_baseline_answers_alike(monkeypatch: pytest.MonkeyPatch, baseline: Baseline) -> None:
     for library in (STABILITY, SYNTHESIS):
         takes = {name: entry.takes for name, entry in library.entries.items()}
