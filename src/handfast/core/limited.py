@@ -37,7 +37,6 @@ if sys.platform != "win32":
 EXTRA_MEMORY = 2 << 30  # [bytes] beyond what is there at the beginning
 CPU_SECONDS = 30  # of processor time
 CLOCK_FACTOR = 5  # times as long is waited
-POLL_INTERVAL = 0.1  # [s] between looks at the result: Ctrl-C is heard in between
 TIMEOUT_REASON = "is not done in the time that was given"
 LOG = logging.getLogger("handfast")
 _NEW = "import sys; sys.path[:] = sys.argv[4:]; from handfast.core.limited import main; main(*map(int, sys.argv[1:4]))"
@@ -80,7 +79,7 @@ def limited(
         Exception: what the function raises.
     """
     forked = parallel.START == "fork" and not new
-    wait, left = float(CLOCK_FACTOR * seconds), max(_UNTIL.get() - time.monotonic(), POLL_INTERVAL)
+    wait, left = float(CLOCK_FACTOR * seconds), max(_UNTIL.get() - time.monotonic(), parallel.POLL_INTERVAL)
     limits = memory, seconds * threads
     reply, code = (_forked if forked else _begun)(function, arguments, limits, min(wait, left))
     if code is None and left < wait:
@@ -126,7 +125,7 @@ def _received(pipe: int, until: float) -> bytes | None:
     parts: list[bytes] = []
     poll.register(pipe, select.POLLIN)
     while time.monotonic() < until:
-        if poll.poll(1000 * POLL_INTERVAL):
+        if poll.poll(1000 * parallel.POLL_INTERVAL):
             part = os.read(pipe, 1 << 20)
             if not part:
                 return b"".join(parts)

@@ -124,8 +124,7 @@ def object_singular_values(grasp: Grasp, *, locked: Sequence[str] = ()) -> Array
         locked: names of joints that do not move, beside what the mechanism says; others are ignored.
     """
     size = grasp.size
-    middle = grasp.positions.mean(axis=0)
-    torques = (grasp.G[3:] - np.cross(middle, grasp.G[:3].T).T) / size
+    torques = (grasp.G[3:] - np.cross(grasp.middle, grasp.G[:3].T).T) / size
     G = np.vstack([grasp.G[:3], torques])
     length = np.array([size if joint.type == "prismatic" else 1.0 for joint in grasp.joints])
     still = [i for i, joint in enumerate(grasp.joints) if joint.name in locked]

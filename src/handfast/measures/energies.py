@@ -21,9 +21,8 @@ GRASPQP_MOST, GRASPQP_OFFSET, GRASPQP_SHARE = 50.0, 1e-2, 0.1
 
 def benchmark_scale(grasp: Grasp) -> WrenchScale:
     """About the middle of the contacts, by their mean distance from it."""
-    middle = grasp.positions.mean(axis=0)
-    mean = float(np.linalg.norm(grasp.positions - middle, axis=1).mean())
-    return WrenchScale(middle, mean if mean > 1e-9 else 1.0)
+    mean = float(np.linalg.norm(grasp.positions - grasp.middle, axis=1).mean())
+    return WrenchScale(grasp.middle, mean if mean > 1e-9 else 1.0)
 
 
 def dfc(G: Array) -> float:

@@ -26,9 +26,9 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.measures.conic_program import ConicProgram, NotMeasured, solver
+from handfast.measures.wrench_space import SINGULAR_SHARE
 from handfast.model.grasp import Grasp
 
-SINGULAR_SHARE = 1e-9  # singular values below this share of the largest are none
 EIGENVALUE_SHARE = 1e-12  # the same of eigenvalues, which are squares
 MIN_SINGULAR_VALUE = 1e-12  # and whatever is this small
 STICKS, SLIDES, LOST = range(3)  # what a contact transmits: all, its normal force, nothing

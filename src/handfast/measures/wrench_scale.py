@@ -47,7 +47,7 @@ class WrenchScale:
         """
         if about is None:
             known = grasp.center_of_mass
-            about = grasp.positions.mean(axis=0) if known is None else known
+            about = grasp.middle if known is None else known
         point = frozen(about, (3,), "about")
         if length is None:
             farthest = float(np.linalg.norm(grasp.positions - point, axis=1).max())

@@ -34,10 +34,10 @@ from handfast.stability.problem.witness import Witness
 from handfast.stability.search.proof import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import exact_solution
+from handfast.stability.search.solve import MIN_SEARCH_TIME
 
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
 FIRST_FORCE_BOUND = 10.0  # (scaled) normal forces tried first when nothing else bounds them
-MIN_SEARCH_TIME = 1e-3  # [s] that a search has where no time is left
 STATUS_STOPS = {
     SolverStatus.OPTIMAL: Stop.COMPLETE,
     SolverStatus.INFEASIBLE: Stop.COMPLETE,

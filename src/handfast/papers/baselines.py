@@ -15,6 +15,7 @@ from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.papers import mixed_integer_solvers
+from handfast.papers.friction_relaxation import MOTION_BOUND
 from handfast.papers.mixed_integer import INF, MixedIntegerProgram, Solver, SolverStatus, Term
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.model import State
@@ -23,7 +24,6 @@ from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 MIN_SLIDING = 1e-6  # of the force scale: motions and forces above have a direction
 BALANCE_RESIDUAL = 1e-5  # of the force scale: what may be left where the grasp holds
 NEARER = 1e-3  # relative: what a turn has to take off what is left
-MOTION_BOUND = 1e4  # (scaled) of object and joints, as in Algorithm 1
 STEP_BALANCED = 1e-3  # of the force scale: what may stay unbalanced in a grasp that holds
 SMALL_PIVOT = 1e-11  # relative: pivots below it are none
 NEGATIVE_TOLERANCE = 1e-10  # by how much a variable may be negative at the end, beside q; it is then taken as 0

@@ -30,10 +30,18 @@ from handfast.proofs.motors import Motors
 from handfast.proofs.posed_boxes import CHARTS, OBJECT_LINK, ContactBoxes, Posed, mean_value
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.tasks import TaskData
-from handfast.proofs.unbalanced import BoxBounds, HandMotion, Motions, MovedJoint, Placements, halves, nearness
+from handfast.proofs.unbalanced import (
+    MAX_TREE_ENTRIES,
+    BoxBounds,
+    HandMotion,
+    Motions,
+    MovedJoint,
+    Placements,
+    halves,
+    nearness,
+)
 
 DISCARD_BATCH = 64  # boxes that are looked at together
-MAX_TREE_ENTRIES = 2_000_000  # entries of a tree at most
 NO_CONTACT_ENTRY = -1  # the entry of a box in which the contacts cannot be made; -2 - r: discarded by claim r
 
 

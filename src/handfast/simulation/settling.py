@@ -237,7 +237,7 @@ def _motion(placed: GraspInScene, load: PointLoad, units: tuple[float, float]) -
     )
     near = placed.scene.nearest(placed.q, placed.pose, THRESHOLD)
     rest = {(p.link, p.shape, p.piece): -p.distance for p in near}
-    friction, middle = link_friction(grasp, float(grasp.mu.min())), grasp.positions.mean(axis=0)
+    friction, middle = link_friction(grasp, float(grasp.mu.min())), grasp.middle
     return SlowMotion(placed.scene, placed.q, placed.pose, drive, load, units, friction, middle, rest)
 
 

@@ -264,7 +264,7 @@ def add_jointed(parent: Any, name: str, grasp: Grasp, j: int) -> Any:
 
 def add_object(spec: Any, grasp: Grasp, length: float) -> Any:
     """A body of unit mass, its centre amid the contacts."""
-    middle = grasp.positions.mean(axis=0) / length
+    middle = grasp.middle / length
     body = spec.worldbody.add_body(
         name="object", mass=1.0, inertia=[0.4] * 3, ipos=middle.tolist(), explicitinertial=1,
     )  # fmt: skip

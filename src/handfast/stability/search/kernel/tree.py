@@ -51,14 +51,14 @@ FIRST_NEWTON_NODES = 8  # Newton is tried on the first programs, where nothing i
 # less than this share of where it was tried last, a limit that grows with every node
 LESS, NEWTON_LIMIT_GROWTH = 0.25, 1.1
 SMALL_VIOLATION = 1e-3
-# nodes after which any state, or one at the end, is looked for in another way: few questions need
+# nodes after which any state, or one at the end, is looked for in another way: few questions need as many, or very many
+# more
 EARLY_SEARCH_NODES, LATE_SEARCH_NODES = 16, 64
-# as many, or very many more
 DENSE_CONTACTS = 8  # contacts from which on, and nodes: most of what such a grasp resists has no end
 NEARLY = 1e-3  # motions and forces below count as none then, or below a tenth or a hundredth of this
-# friction may leave its cone by as much in a program far from the model: its node is split anyway, and
+# friction may leave its cone by as much in a program far from the model: its node is split anyway, and half of all
+# exchanges were tangents of cones
 LOOSE_CONE_TOLERANCE = 1e-4
-# half of all exchanges were tangents of cones
 WEIGHT = 1e-3  # of the violation in a node's rank
 MISSED_POWER = 0.25  # power of what a part misses in the rank of those whose children are tried
 AS_READ, FREED, AT_END = 0, 1, 2  # how Newton's method is tried: as a point says, or once more with the objective free,
