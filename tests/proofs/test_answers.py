@@ -20,7 +20,7 @@ from handfast.proofs.existence import prove
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.kinds import TURN_DIRECTIONS, Row
-from handfast.proofs.replay import Replay
+from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import TOO_SMALL, motion_size
 from handfast.stability.studies.questions import check, maximum, torques
@@ -246,6 +246,19 @@ def test_unbounded_means_as_far_as_the_search_goes() -> None:
     data = saved("max unbounded")
     data["witness"] = None
     assert reason(data) == "answer: HOLDS without a witness"
+
+
+def test_a_state_of_the_base_load_but_for_rounding() -> None:
+    """Its magnitude, w - base over the direction, may be rounded to less than 0; one that is truly less is refused."""
+    read = answers.read_answer(saved("max with base"))
+    assert read.witness is not None
+    base, along = answers.line(read)
+    said = replace(read, said=dict(read.said) | {"lower": 0.0})
+    held = answers.Maximum().held(said, replace(read.witness, wrench=base - 1e-17 * along))
+    assert held[0] == "the base load is resisted"
+    assert held[3] == 0
+    with pytest.raises(Refused, match="a state under another disturbance"):
+        answers.Maximum().held(said, replace(read.witness, wrench=base - 1e-3 * along))
 
 
 # --- certificates ------------------------------------------------------------------------------------

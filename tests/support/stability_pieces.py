@@ -9,7 +9,7 @@ from typing import NamedTuple
 from handfast.core.groups import RealMatrix, Reals, Wholes
 from handfast.core.machine_code import EntryPoint, Library
 from handfast.stability.search import machine
-from handfast.stability.search.arrays import KernelQuestion, NodeAtHand, Pool, WorkingSet
+from handfast.stability.search.arrays import KernelQuestion, NodeAtHand, Pool, Refinement, WorkingSet
 from tests.support.pieces import asked
 
 
@@ -30,6 +30,12 @@ class Balance(NamedTuple):
     rhs: Reals  # (1,) out
 
 
+class PatchNumbers(NamedTuple):
+    """Out: a patch of the directions of sliding."""
+
+    numbers: Reals  # (PATCH_SIZE,)
+
+
 HERE = Path(__file__).parent
 PIECES = f"{__package__}.stability_pieces_compiled"
 LIBRARY = Library(
@@ -38,6 +44,9 @@ LIBRARY = Library(
     entries={
         "solved": EntryPoint(PIECES, (KernelQuestion, Counted, NodeAtHand, WorkingSet, Pool, float)),
         "balanced": EntryPoint(PIECES, (KernelQuestion, Balance)),
+        "patched": EntryPoint(PIECES, (int, PatchNumbers)),
+        "contact_equations": EntryPoint(PIECES, (int, KernelQuestion, Refinement)),
+        "smoothed": EntryPoint(PIECES, (KernelQuestion, Refinement)),
     },
     sources=(
         HERE / "pieces.py",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from handfast.core.compiled import inner
 from handfast.stability.search import rows
-from handfast.stability.search.kernel import simplex, tree
-from handfast.stability.search.kernel.values import row
+from handfast.stability.search.kernel import newton, simplex, tree
+from handfast.stability.search.kernel.patch import patch
+from handfast.stability.search.kernel.smoothed_state import smoothed_state
+from handfast.stability.search.kernel.values import row, values
 
 
 @inner
@@ -26,3 +28,26 @@ def balanced(question, balance):
     id = rows.ENERGY << rows.KIND_SHIFT
     balance.rhs[0] = row(id, question, balance.hi, balance.data, balance.row, balance.gradient)
     return 0
+
+
+@inner
+def patched(number, out):
+    patch(number, out.numbers, 0)
+    return 0
+
+
+@inner
+def contact_equations(i, question, room):
+    """Residuals and gradients of contact i at the forces, motions and modes in `room`; how many."""
+    if question.soft[i] >= 0:
+        return newton.soft_finger(i, question, 0, room)
+    return newton.contact(i, question, 0, room)
+
+
+@inner
+def smoothed(question, room):
+    """Where smooth laws lead, and the forces and motions there."""
+    if not smoothed_state(question, 0.0, room):
+        return 0
+    values(question, room.start, room.c, room.d)
+    return 1

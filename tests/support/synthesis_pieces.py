@@ -71,6 +71,8 @@ LIBRARY = Library(
             "narrowed": (float, float, float, Row, w.CenteredBox),
             "together": (int, Together, *library.TASK, *POSES),
             "turned": (w.CenteredBox, Turned),
+            "unit_line": (float, float, w.CenteredBox, Row, w.LineWork),
+            "multiplied": (w.Polynomials, w.CenteredBox, Row, w.AngleTerms),
         }.items()
     },
     sources=(

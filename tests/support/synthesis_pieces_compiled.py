@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel import balls, contact_rows, narrowing
+from handfast.synthesis.search.kernel import angle_terms, balls, contact_rows, narrowing
 from handfast.synthesis.search.kernel.contact_equations import evaluate
 from handfast.synthesis.search.kernel.krawczyk import certify
 from handfast.synthesis.search.kernel.object_pose import turning
@@ -59,4 +59,23 @@ def together(position, rows, chains, regions, coordinates, box, polynomials, tay
 @inner
 def turned(box, out):
     out.bounds[0], out.bounds[1] = turning(box, 0, out.rotation, out.turn)
+    return 0
+
+
+@inner
+def unit_line(remainder, stray, box, row, line):
+    """The unit vector along a line on the hand."""
+    angle_terms.unit(0, remainder, stray, box.half, row.use, line)
+    return 0
+
+
+@inner
+def multiplied(polynomials, box, row, terms):
+    """Of three directions, of contacts 0, 1, 2: into slot 0 the product of the first two, into 1 that of all."""
+    a, b, c = (
+        angle_terms.direction(0, 1, polynomials), angle_terms.direction(1, 1, polynomials),
+        angle_terms.direction(2, 1, polynomials),
+    )  # fmt: skip
+    angle_terms.product(0, a, b, box.half, row.use, terms)
+    angle_terms.triple(1, a, b, c, box.half, row.use, terms)
     return 0

@@ -15,8 +15,9 @@ import highspy
 import numpy as np
 import pytest
 
+from benchmarks.grasps import random_case
 from handfast.core.groups import Block
-from handfast.proofs.cases import HALF_TURN
+from handfast.proofs.cases import HALF_TURN, patch
 from handfast.proofs.kinds import TURN_DIRECTIONS, ActuatorState, ContactState
 from handfast.proofs.rows import directions
 from handfast.stability.problem import scaled_problem
@@ -32,11 +33,12 @@ from handfast.stability.problem.objective import (
 )
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays
-from handfast.stability.search.kernel import simplex
+from handfast.stability.search.kernel import newton, simplex
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import Search, new_pool
 from tests.support.problems import Solved, solved
-from tests.support.stability_pieces import Balance, Counted, ask
+from tests.support.soft_fingers import coin
+from tests.support.stability_pieces import Balance, Counted, PatchNumbers, ask
 
 FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = ActuatorState
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
@@ -394,3 +396,69 @@ def test_no_contradiction_with_highs(block: int) -> None:
     assert total["optimal"] > 40
     assert total["infeasible"] > 40
     assert total["failed"] + total["border"] + total["left out"] <= 0.02 * total.total()
+
+
+# --- equations of contacts, patches, smooth laws --------------------------------------------------------------
+
+
+def contact_equations(r: Reduced, i: int, mode: int, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (k,) of a contact's equations, and their derivatives (k, 8) by its base values: cn, c1, c2, dn, d1, d2,
+    of a soft finger torsion and turning."""
+    q, room = r.question, Block(r.workspace.refinement).arrays()
+    room.modes[i] = mode
+    room.c[3 * i : 3 * i + 3], room.d[3 * i : 3 * i + 3] = base[:3], base[3:6]
+    if (k := q.soft[i]) >= 0:
+        room.c[q.twist + k], room.d[q.turning + k] = base[6:]
+    room.gradients[:] = 0.0
+    count = ask("contact_equations", i, q, room)
+    return room.residuals[:count].copy(), room.gradients[:count].copy()
+
+
+SOFT_OR_NOT = {"soft": (coin(), 0.0), "point": (coin(torsion=0.0), 0.0), "uncertain normal": (coin(torsion=0.0), 0.1)}
+
+
+@pytest.mark.parametrize("mode", range(newton.RIM + 1))
+@pytest.mark.parametrize("kind", SOFT_OR_NOT)
+def test_equations_of_a_contact_have_the_derivatives_that_newton_takes(kind: str, mode: int) -> None:
+    grasp, eta = SOFT_OR_NOT[kind]
+    r = reduce(scaled_problem.build(grasp, np.zeros(6), limits=GraspLimits(eta)), ANY_STATE)
+    base, h = np.array([0.9, -0.31, 0.2, -0.7, 0.4, -0.25, 0.17, 0.33]), 1e-6
+    if kind != "soft":
+        base = base[:6]
+    _, gradients = contact_equations(r, 0, mode, base)
+    for k, step in enumerate(h * np.eye(len(base))):
+        above, below = (contact_equations(r, 0, mode, base + x)[0] for x in (step, -step))
+        np.testing.assert_allclose(gradients[:, k], (above - below) / (2 * h), atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["soft", "point"])
+def test_friction_of_a_finger_that_slides_is_against_its_motion(kind: str) -> None:
+    """Motion (0.6, 0, -0.8) of unit length, (0.6, -0.8) of a point; c_n = -d_n = 2: friction is -2 mu times it."""
+    r = reduce(scaled_problem.build(SOFT_OR_NOT[kind][0], np.zeros(6)), ANY_STATE)
+    mu = r.question.mu[0]
+    soft = [2, -1.2 * mu, 0, -2, 0.6, 0, 1.6 * mu, -0.8]
+    point = [2, -1.2 * mu, 1.6 * mu, -2, 0.6, -0.8]
+    residuals, _ = contact_equations(r, 0, newton.SLIDE, np.array(soft if kind == "soft" else point))
+    np.testing.assert_allclose(residuals, 0, atol=1e-15)
+
+
+def test_patches_of_sliding_are_those_of_the_proofs() -> None:
+    for number in [*range(8, 128), 2**20 + 12345, 2**30 - 1]:
+        out = PatchNumbers(np.empty(arrays.PATCH_SIZE))
+        ask("patched", number, out)
+        expected = patch(number)
+        numbers = [*expected.planes.ravel(), *expected.corners.ravel(), *expected.middle, expected.reach]
+        np.testing.assert_allclose(out.numbers, numbers, atol=1e-12)
+
+
+def test_smooth_laws_lead_to_friction_against_the_motion() -> None:
+    """Forces are those of the smooth laws but for what their nearest equilibrium changes."""
+    r = reduce(scaled_problem.build(random_case(10, 3).grasp, np.array([1.0, 0, 0, 0, 0, 0])), ANY_STATE)
+    q, room = r.question, Block(r.workspace.refinement).arrays()
+    assert ask("smoothed", q, room) == 1
+    c, d = room.c[: 3 * q.m].reshape(-1, 3), room.d[: 3 * q.m].reshape(-1, 3)
+    moving = (np.linalg.norm(d[:, 1:], axis=1) > 1e-3) & (c[:, 0] > 1e-3)
+    assert moving.sum() >= 2
+    unit = d[moving, 1:] / np.linalg.norm(d[moving, 1:], axis=1)[:, None]
+    friction = -q.mu[moving, None] * c[moving, :1] * unit
+    np.testing.assert_allclose(c[moving, 1:], friction, atol=1e-2 * np.abs(friction).max())

@@ -8,18 +8,29 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from handfast.core.groups import Block
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
 from handfast.synthesis.search.prover import Prover
-from handfast.synthesis.search.workspace import Interior, LocalWork, SetQuestion, SetWork, local_work, set_work
+from handfast.synthesis.search.workspace import (
+    AngleTerms,
+    CenteredBox,
+    Interior,
+    LineWork,
+    LocalWork,
+    Polynomials,
+    SetQuestion,
+    SetWork,
+    local_work,
+    set_work,
+)
 from handfast.synthesis.task import PoseBounds
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.planted import Planted, bump, chain, joint, plant, pose, turn
-from tests.support.synthesis_pieces import Balls, Dependents, Operations, ask
+from tests.support.synthesis_pieces import Balls, Dependents, Operations, Row, ask
 
 X, Y, Z = np.eye(3)
 
@@ -125,6 +136,7 @@ radii = st.floats(0, 1e-3)
 
 @settings(max_examples=200, derandomize=True, deadline=None)
 @given(numbers, radii, numbers, radii, st.floats(-1, 1), st.floats(-1, 1))
+@example(1.0, 0.5, 1.0, 0.5, 1.0, 1.0)  # both radii count: 1.5^2 is 1.25 from 1
 def test_operations_on_balls_are_rigorous(a: float, ra: float, b: float, rb: float, s: float, t: float):
     operations = Operations(np.array([[a, ra], [b, rb]]), np.empty((8, 2)))
     ask("operated", operations)
@@ -193,6 +205,62 @@ def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
                     worst_bent = max(worst_bent, bent / rest)
     assert worst > 0.2  # the bounds are not idle
     assert worst_bent > 0.1
+
+
+def boxed(n: int, half: float) -> tuple[CenteredBox, Row]:
+    """A box of n coordinates about 0, and a row that has them all."""
+    zero = np.zeros(n)
+    return CenteredBox(zero, np.full(n, half), np.full(n, -half), np.full(n, half)), Row(np.zeros(n), np.arange(n))
+
+
+@pytest.mark.parametrize("half", [1e-3, 0.1, 0.5, 0.7])
+def test_the_direction_of_a_line_bends_no_more_than_its_bound(half: float) -> None:
+    """Line (1, t, 0): its unit vector is (1, t, 0) / sqrt(1 + t^2), and (1, t, 0) to first order."""
+    box, row = boxed(1, half)
+    n, b = 1, 2
+    line = LineWork(
+        np.array([X, X]), np.zeros((b, n, 3)), np.zeros(n), np.zeros((n, n)), np.zeros((b, 3)), np.zeros((b, n, 3)),
+        np.zeros((b, 2)), np.zeros((4, 3)), np.zeros((1, 5)),
+    )  # fmt: skip
+    line.slope[0, 0] = Y
+    ask("unit_line", 0.0, half, box, row, line)
+    remainder, stray = line.unit_bound[0]
+    unit = np.array([1, half, 0]) / np.hypot(1, half)
+    np.testing.assert_allclose(line.unit[0] + half * line.unit_slope[0, 0], [1, half, 0], atol=1e-15)
+    assert np.linalg.norm(unit - [1, half, 0]) <= remainder
+    assert np.linalg.norm(unit - X) <= stray < np.inf
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_products_of_directions_leave_out_what_two_of_them_stray(which: int) -> None:
+    """e_i + t e_k and e_k - t e_i have the product 0, e_i + t e_k and e_i + t e_k that of 1 + t^2; so has the triple
+    product of e_i + t e_k, e_j and e_k - t e_i, for each cyclic order of i, j, k."""
+    half, axes = 0.3, np.eye(3)
+    box, row = boxed(1, half)
+    i, j, k = which, (which + 1) % 3, (which + 2) % 3
+    lines = {i: (axes[i], axes[k]), j: (axes[j], np.zeros(3)), k: (axes[k], -axes[i])}
+    for two in (False, True):
+        of = polynomials_of([lines[i], lines[i], lines[j]] if two else [lines[c] for c in range(3)])
+        terms = AngleTerms(np.zeros((16, 3)), np.zeros((16, 1)))
+        ask("multiplied", of, box, row, terms)
+        value, remainder, stray = terms.value[0 if two else 1]
+        assert value == 1
+        assert terms.slope[0 if two else 1, 0] == 0
+        assert half**2 <= remainder <= half**2 + half**3
+        assert stray >= remainder
+
+
+def polynomials_of(directions: list[tuple[np.ndarray, np.ndarray]]) -> Polynomials:
+    """Of directions on the hand, each with its derivative by the one coordinate: exact, their box +-0.3."""
+    b = len(directions)
+    out = Polynomials(
+        np.zeros((b, 4, 3)), np.zeros((b, 4, 1, 3)), np.zeros((b, 4)), np.zeros((b, 1, 1, 3)), np.zeros(b),
+        np.zeros((b, 4)), np.zeros(b),
+    )  # fmt: skip
+    for at, (value, slope) in enumerate(directions):
+        out.value[at, 1], out.slope[at, 1, 0] = value, slope
+        out.swing[at, 1] = 0.3 * np.linalg.norm(slope)
+    return out
 
 
 def certified(problem: TaskProblem, x: np.ndarray, lower: np.ndarray | None = None, upper: np.ndarray | None = None):
