@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -31,10 +32,20 @@ LIBRARIES = (
 
 def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what runs in the background
+    if hasattr(config, "workerinput"):
+        share_cores(config.workerinput)
     if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or hasattr(config, "workerinput"):
         return
     for process in [subprocess.Popen([sys.executable, "-c", COMPILE.format(name)]) for name in LIBRARIES]:
         process.wait()
+
+
+def share_cores(worker: dict[str, Any]) -> None:
+    """Each worker has its cores, and so has what it starts: processes beyond them would do work ahead for nothing."""
+    number, workers = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_setaffinity") else []
+    if number < workers <= len(cores):
+        os.sched_setaffinity(0, cores[number::workers])
 
 
 def pytest_collection_finish() -> None:

@@ -146,7 +146,7 @@ def test_what_is_changed_everywhere_does_not_balance(found: Grasps, change: dict
 DESCRIPTIVE = ("record",)
 # What is no claim but proof: another one will do as well.
 PROOFS = ("existence", "witnesses")
-MUTANTS = 50  # `tools/fuzz_files.py --kinds grasps` tries any number
+MUTANTS = 25  # `tools/fuzz_files.py --kinds grasps` tries any number
 
 
 def places(x: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

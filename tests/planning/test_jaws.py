@@ -135,6 +135,6 @@ def test_a_push_ends_with_the_object_between_the_jaws() -> None:
 @pytest.mark.slow
 def test_flat_pads_find_their_preload() -> None:
     one = runner(load_hand("parallel-gripper"), BLOCK)
-    (g,), (other,) = (one.run(n).found for n in range(2))
-    assert (g.grasp.m, other.grasp.m) == (8, 8)
+    (g,) = one.run(1).found
+    assert g.grasp.m == 8
     assert all(check(g.grasp, w).verdict is Verdict.HOLDS for w in g.answer.loads.wrenches)

@@ -44,7 +44,6 @@ from tests.planning.test_no_balance import cut_around
 from tests.proofs.test_few_contacts import BALL, held, stone
 from tests.support.forged_grasps import refusals, renew
 from tests.support.holds import grip, pinch, square
-from tests.support.slow_cases import slow_after
 
 MU, TORSION, WEIGHT = 0.5, 0.004, 0.1 * 9.81
 CENTERED = Body.of([Shape("box", (0.02, 0.05, 0.02))], mass=0.1, friction=MU)
@@ -104,7 +103,10 @@ def test_the_bound_is_what_both_fingers_can_carry(arm: float) -> None:
 @pytest.mark.parametrize(("share", "shown"), [(0.93, True), (1.05, False)])
 @pytest.mark.slow
 def test_a_motor_too_weak_for_a_weight_beside_the_line(share: float, shown: bool) -> None:
-    """One motor for both flat jaws, the block's centre of mass 5 mm off their line, 4 mm at the least."""
+    """One motor for both flat jaws, the block's centre of mass 5 mm off their line, 4 mm at the least.
+
+    A motor too weak is shown with 280 boxes: with more of them a strong one is not.
+    """
     arm, torsion, task = 0.005, 0.005, jaws()
     most = 2 * share * needed(arm, torsion, 9.81)
     loads = Loads.wrench(9.81 * np.array([0, 0, -1, 0, arm, 0]))
@@ -112,7 +114,7 @@ def test_a_motor_too_weak_for_a_weight_beside_the_line(share: float, shown: bool
     balance = NoBalance(task, loads, MU, center=np.zeros(3), torsion=torsion)
     joined = JoinedSearch(task, collisions_of(task, BLOCK), Allowed(), balance, motors_of(task, limits))
     part = joined.sets[-1]
-    while not part.over and part.boxes < (6000 if shown else 600):
+    while not part.over and part.boxes < (6000 if shown else 320):
         part.step()
     assert part.shown == shown
     if shown:
@@ -190,7 +192,7 @@ def test_load_factors_know_torsion() -> None:
 # --- no false proof -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", slow_after(3, range(10)))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.slow
 def test_boxes_about_placements_that_hold_with_torsion_are_never_refuted(seed: int) -> None:
     """Contacts anywhere, loads that forces in the soft cones balance, half with a limit that one of them reaches."""
