@@ -321,13 +321,6 @@ def test_a_grasp_is_like_itself_and_like_one_nearby(planned: Plan) -> None:
     assert most_different([], 2) == []
 
 
-@pytest.mark.slow
-def test_a_pool_returns_those_that_differ_most(planned: Plan) -> None:
-    few = plan(HAND, ball(), count=1, pool=2, seed=5, jobs=1, attempts=60)
-    assert few.tried == planned.tried  # both were gathered
-    assert [g.index for g in few.grasps] == [planned.grasps[0].index]
-
-
 # --- the command --------------------------------------------------------------------------------
 
 

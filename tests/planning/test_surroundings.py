@@ -110,8 +110,8 @@ def test_what_cannot_be() -> None:
 def test_planned_grasps_keep_clear_of_the_support() -> None:
     hand, body = load_hand("barrett-bh8-280"), load_body("can")
     around = Surroundings([0, 0, 1])
-    found = plan(hand, body, count=2, seed=0, jobs=1, surroundings=around)
-    assert len(found.grasps) == 2
+    found = plan(hand, body, count=1, seed=1, jobs=1, surroundings=around)
+    assert len(found.grasps) == 1
     assert found.tally[RejectionReason.BLOCKED]
     assert found.first is not None
     assert 0 < found.first <= found.seconds

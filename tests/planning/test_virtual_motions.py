@@ -142,10 +142,10 @@ def kept(
 def pinched() -> Any:
     task = pinch(0.03)
     task = replace(task, hand=task.hand.with_laws("none"))
-    return task, synthesize(task, count=6, timeout=None).solutions
+    return task, synthesize(task, count=3, timeout=None).solutions
 
 
-@pytest.mark.parametrize(("seed", "torsion"), [*enumerate([0.0, 0.005, 0.05] * 2)])
+@pytest.mark.parametrize(("seed", "torsion"), [*enumerate([0.0, 0.005, 0.05])])
 @pytest.mark.slow
 def test_boxes_about_grasps_that_hold_within_their_limits_are_never_discarded(
     pinched: Any, seed: int, torsion: float

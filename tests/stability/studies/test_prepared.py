@@ -17,6 +17,7 @@ from handfast.stability.answers import answer as answer_module
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies import prepared as prepared_module
+from tests.stability.answers.test_load_path import jaw
 from tests.support.problems import bell, pinch, solved
 
 QUICK = Settings(verify=False)
@@ -74,6 +75,8 @@ def test_a_preload_that_is_assigned_is_refused() -> None:
 def test_a_question_has_one_answer_to_the_last_bit(loading: Any) -> None:
     """Asked alone or of a prepared grasp: what holds, slips, is the largest, the least commands, the preload, a map."""
     g, holds, slips = pinch(), [0, 0.5, 0.1], [0, 3.0, 0]
+    if loading == "preload-first":
+        g, holds, slips = jaw(), [-0.6, 0.6, 0], [-3.0, 9.0, 0]
     settings, limits = Settings(jobs=1), GraspLimits(force_limit=2.0)
     asked: dict[str, Any] = {"settings": settings, "limits": limits, "loading": loading}
     for w in (holds, slips):
