@@ -101,6 +101,7 @@ def test_a_plan_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, pl
 def test_attempts_are_counted_from_the_first(tmp_path: Path, planned: Path) -> None:
     tried = json.loads((planned / "plan.json").read_text("utf-8"))["tried"]
     folder = tmp_path / "out"
+    assert plan(folder, count=1).run() == 0  # all that was asked for
     for attempts in (2, tried):
         status = plan(folder, count=2, resume=True, attempts=attempts).run()
         assert json.loads((folder / "plan.json").read_text("utf-8"))["tried"] == attempts
