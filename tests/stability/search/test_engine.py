@@ -237,6 +237,18 @@ def test_what_is_left_unresolved_when_the_time_is_over_stays_open_for_want_of_it
     assert len(asked) == 1
 
 
+def test_rows_that_the_kernel_leaves_unresolved_are_not_refuted() -> None:
+    """At the end of what is resisted, where no part of a node is left to split: they have the verdict of a check."""
+    grasp, rng = random_case(3, 1).grasp, np.random.default_rng(1)
+    direction = rng.normal(size=6) * [1, 1, 1, 0.03, 0.03, 0.03]
+    settings = Settings(verify=False, jobs=1)
+    end = maximum(grasp, direction, settings=replace(settings, gap=1e-7)).upper
+    loads = np.outer(end * (1 + np.array([-1e-8, 0, 1e-9, 1e-8, 1e-7])), direction)
+    alone = [check(grasp, load, settings=settings).verdict for load in loads]
+    assert Verdict.UNDECIDED in alone
+    assert [Verdict(x) for x in check_many(grasp, loads, settings=settings).verdict] == alone
+
+
 # --- while it runs --------------------------------------------------------------------------------------
 
 
