@@ -191,7 +191,7 @@ def test_motors_too_weak_for_a_weight(newtons: float, none: bool, tmp_path: Path
     task = replace(task, hand=task.hand.with_laws("none"))
     block = Body.of([Shape("box", (0.02, 0.05, 0.02))], mass=1.0, friction=0.5)
     how: dict[str, Any] = {"limits": PlanLimits(torque_limits={"grip": newtons}), "journal": GraspFolder(tmp_path)}
-    answer = grasp_for(task, block, Loads.gravity(block, "-z"), timeout=60 if none else 5, jobs=1, **how)
+    answer = grasp_for(task, block, Loads.gravity(block, "-z"), timeout=60 if none else 2, jobs=1, **how)
     assert (answer.verdict is Reach.NONE) == none
     if none:
         assert verify(tmp_path / "grasps.json").ok

@@ -339,7 +339,7 @@ def test_a_box_is_refuted_once_it_has_shrunk_to_what_is_near(limit: float) -> No
     """To first order: always at 0.8 of that, and half of them not at 1.6 of it."""
     rng, (regions, load) = np.random.default_rng(3), skew(5, 2)
     placements = Placements.of(data(*regions), load[None], 0.3, limit)
-    n = 500
+    n = 200
     middle, half = 0.5 + 0.1 * rng.normal(size=(n, 4)), 0.4 * rng.random((n, 1))
     line = np.array([rng.permutation(2) if k % 2 else [-1, -1] for k in range(n)])
     twist = np.where(line[:, :1] < 0, rng.normal(size=(n, 6)) * [0.05, 0.05, 0.05, 1, 1, 1], 0.0)

@@ -259,6 +259,7 @@ def test_a_map_says_what_its_maxima_say(holed_map: MapAnswer) -> None:
     assert mine == pytest.approx(its, rel=2 * GAP)
 
 
+@pytest.mark.slow
 def test_holes_are_in_the_table_and_crossed_out_in_the_picture(holed_map: MapAnswer) -> None:
     head, *lines = map_csv(holed_map).splitlines()
     column = head.split(",").index("holes_with_preload")
