@@ -1,19 +1,135 @@
-"""Balls as floats: never less than they are."""
+"""Newton's method in balls: never less than they are; of x^2 = c, by hand."""
 
 from __future__ import annotations
 
-import numpy as np
-from flint import arb, ctx
+from collections.abc import Sequence
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
 
-from handfast.proofs.balls import most
+import numpy as np
+import pytest
+from flint import arb, arb_mat, ctx
+
+from handfast.proofs import balls
+from handfast.proofs.balls import Balls, most
+from handfast.proofs.newton import NotShown
+
+
+def roots(
+    starts: Sequence[float],
+    squares: Sequence[float],
+    inverse: Sequence[float] | None = None,
+    units: Sequence[float] = (1.0,),
+    sought: bool = False,
+) -> Any:
+    """x^2 = c of each unknown, whose speeds are the unknowns; with sought the last one is the magnitude."""
+    x, n = np.array(starts), len(starts)
+
+    def at(M: Any, y: Any, number: Any) -> Any:
+        return y, 3 * y, SimpleNamespace(speed=y, K=y), y * y - number(np.array(squares))
+
+    of_modes = SimpleNamespace(
+        unknown=[], at=at, derivative=lambda M, K, along: balls.number(np.diag(np.ones(n))) * (2 * K),
+        rows=SimpleNamespace(held=np.zeros(n, dtype=bool), at=np.zeros(n)),
+    )  # fmt: skip
+    p = SimpleNamespace(grasp=SimpleNamespace(exact_table=np.eye(n)), along=None, magnitude=x[-1] if sought else 7.0)
+    return SimpleNamespace(
+        p=p, of_modes=of_modes, v=x[: n - sought], phi=np.zeros(n), value=x, used=slice(None), units=np.array(units),
+        inverse=np.diag(0.5 / x if inverse is None else inverse), sought=sought,
+        fails=lambda rounding: NotShown("none", rounding=rounding),
+    )  # fmt: skip
 
 
 def test_sizes_of_balls_are_rounded_up() -> None:
     with ctx.workprec(320):
-        balls = [arb(sign * k, radius) / 7 for k in range(1, 60) for sign in (1, -1) for radius in (0, 1e-30, 0.1)]
-        bounds = most(np.array(balls, dtype=object).reshape(-1, 6))
+        many = [arb(sign * k, radius) / 7 for k in range(1, 60) for sign in (1, -1) for radius in (0, 1e-30, 0.1)]
+        bounds = most(np.array(many, dtype=object).reshape(-1, 6))
         assert bounds.shape == (59, 6)
-        for x, bound in zip(balls, bounds.ravel().tolist(), strict=True):
+        for x, bound in zip(many, bounds.ravel().tolist(), strict=True):
             assert arb(bound) >= abs(x)
             assert bound <= float(x.abs_upper()) * (1 + 1e-14)
         assert most(np.array([arb("nan"), arb("inf")], dtype=object)).tolist() == [np.inf, np.inf]
+
+
+@pytest.mark.parametrize("inverse", [None, [10.0], [0.01]], ids=["near", "beyond where nothing slides", "slow"])
+@pytest.mark.parametrize("sought", [False, True])
+def test_a_box_holds_the_root_and_little_more(inverse: list[float] | None, sought: bool) -> None:
+    inverse = inverse and [*inverse * (1 + sought)]
+    s = roots([1.5, 1.5][: 1 + sought], [2.0, 3.0][: 1 + sought], inverse, sought=sought)
+    box = balls.refined(s)
+    pairs = [(box.v[0], box.v_off[0], 1, 2), (box.d[0], box.d_off[0], 1, 2), (box.phi[0], box.phi_off[0], 9, 2)]
+    pairs += [(box.magnitude, box.magnitude_off, 1, 3)] if sought else []
+    for mid, off, times, square in pairs:
+        low, high = Fraction(mid) - Fraction(off), Fraction(mid) + Fraction(off)
+        assert low**2 < times * square < high**2
+        assert 2 * mid * 2.0**-53 <= off <= 2.1 * mid * 2.0**-53
+    v, phi, magnitude = balls.solution(s)
+    assert (v[0], phi[0]) == (pytest.approx(2**0.5, rel=1e-15), pytest.approx(3 * 2**0.5, rel=1e-15))
+    assert magnitude == pytest.approx(3**0.5 if sought else 7.0, rel=1e-15)
+    assert box.magnitude == magnitude
+
+
+def test_rows_that_are_held_are_where_they_are_held() -> None:
+    s = roots([1.5, 1.5], [2.0, 3.0])
+    s.of_modes.rows = SimpleNamespace(held=np.array([False, True]), at=np.array([5.0, -1.75]))
+    box = balls.refined(s)
+    assert box.d.tolist() == [pytest.approx(2**0.5), -1.75]
+    assert box.d_off[1] == 2 * 1.75 * 2.0**-53
+
+
+def test_without_equations_the_start_is_kept() -> None:
+    s = roots([1.5], [2.0])
+    s.value = np.zeros(0)
+    assert balls.refined(s).v.tolist() == [1.5]
+
+
+@pytest.mark.parametrize("starts", [[1.0], [-1.0]], ids=["no root", "no direction of sliding"])
+def test_what_has_no_box(starts: list[float]) -> None:
+    with pytest.raises(NotShown) as caught:
+        balls.refined(roots(starts, [-1.0]))
+    assert not caught.value.rounding
+
+
+def test_every_speed_has_to_be_positive() -> None:
+    for starts in ([0.0, 1.0], [1.0, -1.0]):
+        with pytest.raises(ZeroDivisionError):
+            Balls(roots(starts, [1.0, 1.0], [1.0, 1.0])).at(np.array([arb(x) for x in starts]))
+
+
+@pytest.mark.parametrize(
+    ("inverse", "rounds", "radius"),
+    [
+        (1 / 3, 1, 0.125),  # error 1/12: 1/4 + 3/8 / 12 <= 3/8
+        (0.45, 1, None),  # error 0.35 + 0.151875: 1/4 + 3/8 0.501875 > 3/8
+        (0.45, 2, 0.45 * 0.6573046875),  # 1.5 times that is radius; error 0.35 + 0.2662: 0.655 <= 0.6573
+        (0.7, 5, None),  # beyond 0.45 times radius 1.5 |F'| C is more than 1
+    ],
+)
+def test_which_balls_are_kept(inverse: float, rounds: int, radius: float | None) -> None:
+    """About 3/2 of x^2 = 2, where 1/4 is missed."""
+    found = Balls(roots([1.5], [2.0]))._kept(
+        np.array([arb(1.5)]), arb_mat([[arb(inverse)]]), np.array([0.25]), rounds
+    )  # fmt: skip
+    assert (found is None) == (radius is None)
+    if found is not None:
+        assert (float(found[0].mid()), float(found[0].rad())) == (1.5, pytest.approx(radius, rel=1e-8))
+
+
+@pytest.mark.parametrize(
+    ("starts", "squares", "units", "near"),
+    [
+        ([2.0], [4.0], [1.0], True),  # nothing is missed from the start
+        ([1.0], [1.21], [1.0], False),  # each step leaves a tenth
+        ([1.0], [1 + 2e-6], [1.0], True),  # each step leaves a millionth
+        ([1.0, 1.0], [1 + 2e-6, 1.21], [1.0, 1e-60], True),  # as far as the units say
+        ([1.0, 1.0], [1 + 2e-6, 1.21], [1e-60, 1.0], False),
+    ],
+)
+def test_steps_with_one_inverse(starts: list[float], squares: list[float], units: list[float], near: bool) -> None:
+    s = roots(starts, squares, units=units)
+    with ctx.workprec(320):
+        found = Balls(s)._nearer(balls.number(s.inverse))
+    assert (found is not None) == near
+    if found is not None:
+        assert float(found[0].mid()) == pytest.approx(squares[0] ** 0.5, rel=1e-15)

@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from handfast.proofs import files
@@ -75,6 +76,16 @@ def test_texts_that_could_fake_what_is_printed(written, word: str, problem: str)
     for text in (f'["{word}"]', f'{{"a": {{"{word}": 1}}}}', f'"{word}"'):
         with refused(problem):
             files.read_json(written(text))
+
+
+def test_texts_that_are_written_with_escapes(written) -> None:
+    assert files.read_json(written(r'[3, null, {"\u00fc": [1.5, "a"]}, "b"]')) == [3, None, {"ü": [1.5, "a"]}, "b"]
+
+
+@pytest.mark.parametrize(("ones", "shown"), [(17, "1" * 17 + "e99"), (18, "1" * 18 + "e9...")])
+def test_how_much_of_a_number_is_shown(written, ones: int, shown: str) -> None:
+    with refused(f"contains {shown}; numbers up to 1e+50 are possible"):
+        files.read_json(written("1" * ones + "e99"))
 
 
 def test_a_name_twice(written) -> None:
@@ -206,6 +217,28 @@ def test_a_plan_is_all_of_its_grasps(said: str, written, tmp_path: Path) -> None
     assert files.verify_path(tmp_path).reason == "b.json: b of b.json: no"
 
 
+def test_numbers_that_cannot_be_judged(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def reader(data: Any, place: str) -> Replay:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setitem(files.READERS, said, reader)
+    for place in ("", "place"):
+        with refused("has numbers too large or too small beside each other to be judged", place):
+            files.verify({"schema": said}, place)
+
+
+def test_how_many_contacts_a_plan_takes_is_verified(said: str, written, tmp_path: Path) -> None:
+    written(json.dumps({"contacts_file": "c.json"}), "plan.json")
+    written(json.dumps({"schema": said, "name": "c of ", "refused": "no"}), "c.json")
+    assert files.verify_path(tmp_path).reason == "c.json: c of c.json: no"
+
+
+@pytest.mark.parametrize("schema", [s for s in files.READERS if s != "handfast/synthesis/1"])
+def test_a_reader_says_which_file_is_wrong(schema: str) -> None:
+    with pytest.raises(files.BadFile, match=r"\Aa\.json\."):
+        files.verify({"schema": schema}, "a.json")
+
+
 @pytest.mark.parametrize(
     ("plan", "field", "problem"),
     [
@@ -262,3 +295,5 @@ def test_what_is_no_file(tmp_path: Path) -> None:
     for name in ("pipe.json", "zeros.json"):
         with refused("is no file"):
             files.verify_path(tmp_path / name)
+        with refused("is no file", "place"):
+            files.read_json(tmp_path / name, "place")

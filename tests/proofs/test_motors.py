@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,7 @@ from handfast import load_hand
 from handfast.planning.results.grasps_file import motors_to_dict
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Interval
-from handfast.proofs.motors import Motors
+from handfast.proofs.motors import STOP_INFLATION, Motors
 from handfast.proofs.tasks import read_task
 from handfast.synthesis.embedded_task import task_to_dict
 from tests.support.holds import grip
@@ -87,13 +89,73 @@ def test_a_stop_pushes_away_from_itself(stops: list[float | None], up: bool, dow
         assert work([sense, 0.0], {"grip": 20.0}, stops=away) == pytest.approx(20.0)
 
 
+@pytest.mark.parametrize(("revolute", "near"), [(True, 1e-3), (False, 1e-4)])
+def test_how_near_a_stop_counts(revolute: bool, near: float) -> None:
+    """Within `near` of it and 1e-9 of its value, for rounding."""
+    task = SimpleNamespace(hand=SimpleNamespace(joints=("a", "b", "c"), revolute=[revolute] * 3))
+    laws = {"a": {"stops": [1e6, -1e6]}, "b": {"stops": [None, 0.0]}, "c": {}}
+    stops = Motors.read(Fields({"actuators": [], "laws": laws}), task, {}).stops  # type: ignore[arg-type]
+    assert stops[1:].tolist() == [[-np.inf, -near * STOP_INFLATION], [-np.inf, np.inf]]
+    assert stops[0] == pytest.approx([1e6 + 1e-3 + near, -1e6 - 1e-3 - near], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("rate", "most"),
+    [
+        ([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]], 0.0),
+        ([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]], np.inf),  # away from the lower stop
+        ([[-1.0, 0.0], [0.0, 0.0], [0.0, 0.0]], 2.0),  # against it: friction alone
+        ([[0.0, 0.0], [-1.0, 0.0], [0.0, 0.0]], np.inf),
+        ([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]], 0.0),
+        ([[0.0, 0.0], [0.5, 1.0], [0.0, 0.0]], 0.0),
+        ([[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]], 15.0),  # the first motor's limit
+    ],
+)
+def test_each_motion_alone(rate: list[list[float]], most: float) -> None:
+    """Joints at a lower stop, at an upper one, and free, exactly; beside it a motion with any work."""
+    motors = Motors(
+        rows=np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), tendon=np.zeros(3, dtype=bool),
+        limits=np.array([5.0, np.inf, np.inf]), friction=np.array([2.0, 0.0, 0.0]), sprung=np.zeros(3, dtype=bool),
+        stops=np.array([[0.1, np.inf], [-np.inf, 0.2], [-np.inf, np.inf]]),
+    )  # fmt: skip
+    rates = np.array([rate, [[1.0, 1.0]] * 3])
+    joints = Interval.between(np.array([0.1, 0.1, 0.0]), np.array([0.15, 0.2, 0.0]))
+    found = motors.work(Interval.between(*rates.transpose(2, 0, 1)), joints[None])
+    assert found.tolist() == [pytest.approx(most, rel=1e-14, abs=1e-200), np.inf]
+
+
+def test_one_of_several_motors_or_joints_moves() -> None:
+    """Without a limit, whatever the other actuator does; a differential moves where one joint does."""
+    two = [{"name": n, "joints": {f"{n}_slide": 1.0}} for n in ("left", "right")]
+    assert np.isinf(work([1.0, 0.0], {}, two))
+    both = [{"name": "t", "joints": {"left_slide": 1.0, "right_slide": 1.0}}]
+    assert work([1.0, 0.0], {"t": 4.0}, both) == pytest.approx(4.0)
+    apart = Motors(np.eye(2), np.zeros(2, dtype=bool), np.full(2, np.inf), np.zeros(2), np.zeros(2, dtype=bool),
+                   np.tile([-np.inf, np.inf], (2, 1)))  # fmt: skip
+    rates = Interval.of(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    assert apart.work(rates, Interval.of(np.zeros((2, 2)))).tolist() == [pytest.approx(0.0, abs=1e-200), np.inf]
+
+
 def test_passive_tendons_push_without_a_limit() -> None:
     task = read_task(task_to_dict(grip(0.05)))
     said = {"actuators": [], "tendons": {"t": {"joints": {"right_slide": 1.0}}}}
     motors = Motors.read(Fields(said), task, {})
     assert motors.sprung.tolist() == [name == "right_slide" for name in task.hand.joints]
-    with pytest.raises(BadFile, match="has unknown joint 'elbow'"):
-        Motors.read(Fields({"actuators": [{"name": "a", "joints": {"elbow": 1.0}}]}), task, {})
+    assert motors.rows.shape == (0, len(task.hand.joints))
+
+
+@pytest.mark.parametrize(
+    ("said", "field", "problem"),
+    [
+        ({"actuators": [{"name": "a", "joints": {"elbow": 1.0}}]}, "actuators[0].joints", "joint 'elbow'"),
+        ({"actuators": [], "laws": {"elbow": {}}}, "laws", "joint 'elbow'"),
+        ({"actuators": [], "tendons": {"t": {"joints": {"elbow": 1.0}}}}, "tendons", "joint 'elbow'"),
+        ({"actuators": [], "laws": {"left_slide": {"friction": -1.0}}}, "laws.left_slide.friction", "-1"),
+    ],
+)
+def test_faults_of_motors(said: dict[str, Any], field: str, problem: str) -> None:
+    with pytest.raises(BadFile, match=rf"\A{re.escape(field)}: .*{re.escape(problem)}"):
+        Motors.read(Fields(said), read_task(task_to_dict(grip(0.05))), {})
 
 
 def test_bundled_hands_can_be_read() -> None:
