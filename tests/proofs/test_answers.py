@@ -22,7 +22,7 @@ from handfast.proofs.files import verify
 from handfast.proofs.kinds import TURN_DIRECTIONS, Row
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
-from handfast.proofs.tolerance import TOO_SMALL, motion_size
+from handfast.proofs.tolerance import COMPLETE_CAP, TOO_SMALL, motion_size
 from handfast.stability.studies.questions import check, maximum, torques
 from tests.support.problems import bell, nest, pinch
 from tests.support.refused import refused
@@ -291,6 +291,49 @@ def test_a_capped_bound_is_far_above_the_forces_in_play() -> None:
     q = answers.read_answer(data).question
     assert answers.cap_fault(q, 1e9, data["answer"]["upper"], None) == ""
     assert re.match("it is proved for motions up to 1 N only", answers.cap_fault(q, 1.0, data["answer"]["upper"], None))
+
+
+@pytest.mark.parametrize(
+    ("cap", "moved", "fault"),
+    [
+        (3 * COMPLETE_CAP, 3 * COMPLETE_CAP, ""),
+        (3 * COMPLETE_CAP * (1 - 1e-9), 0.0, f"not {COMPLETE_CAP:g} times the forces in play, 3 N"),
+        (4 * COMPLETE_CAP, 5 * COMPLETE_CAP, f"and its own witness moves by {5 * COMPLETE_CAP:.3g} N"),
+    ],
+)
+@pytest.mark.parametrize("of", [("load_scale", "drives"), ("drives", "load_scale")])
+def test_how_far_a_cap_has_to_be(
+    cap: float, moved: float, fault: str, of: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of forces of 2 N and 3 N."""
+    for name, value in (*zip(of, (2.0, 3.0), strict=True), ("motion_size", moved)):
+        monkeypatch.setattr(answers, name, lambda *_, value=value: value)
+    q = answers.read_answer(saved("max")).question
+    assert answers.cap_fault(q, cap, 1.0, np.zeros(6)).endswith(fault)
+    assert bool(answers.cap_fault(q, cap, 1.0, np.zeros(6))) == bool(fault)
+
+
+@pytest.mark.parametrize(("at", "within"), [(0.0, True), (1.0, True), (-1.0, False), (2.0, False), (None, False)])
+def test_a_limit_lies_between_the_bounds(at: float | None, within: bool) -> None:
+    data = saved("max")
+    lower, upper = (data["answer"][key] for key in ("lower", "upper"))
+    value = at if at is None else [lower * (1 - 1e-6), lower, upper, upper * (1 + 1e-6)][int(at) + 1]
+    data["answer"] |= {"limit": {"value": value}, "attained": False}
+    if within:
+        done = verify(data)
+        assert (done.ok, answers.LIMIT_CLAIM in done.not_replayed) == (True, True)
+    else:
+        assert reason(data) == "answer: its limit lies outside of its bounds"
+
+
+def test_zeros_are_zeros() -> None:
+    """Rounding is let pass as a share of the largest number that is shown."""
+    assert answers.matches({"a": [0.0, 0]}, {"a": [0.0, 0.0]})
+    assert not answers.matches({"a": [1e-12, 0]}, {"a": [0.0, 0.0]})
+
+
+def test_states_of_smaller_magnitudes_are_read() -> None:
+    assert answers.read_answer(saved("max with a hole")).arcs
 
 
 def wedge(tilt: float) -> tuple[dict[str, Any], dict[str, Any]]:

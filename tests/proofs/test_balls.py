@@ -27,10 +27,14 @@ def roots(
     x, n = np.array(starts), len(starts)
 
     def at(M: Any, y: Any, number: Any) -> Any:
-        return y, 3 * y, SimpleNamespace(speed=y, K=y), y * y - number(np.array(squares))
+        return M @ y, 3 * y, SimpleNamespace(speed=y, K=y), y * y - number(np.array(squares))
+
+    def derivative(M: Any, K: Any, along: Any) -> Any:
+        assert along.tolist() == [0] * 6
+        return M * (2 * K)
 
     of_modes = SimpleNamespace(
-        unknown=[], at=at, derivative=lambda M, K, along: balls.number(np.diag(np.ones(n))) * (2 * K),
+        unknown=[], at=at, derivative=derivative,
         rows=SimpleNamespace(held=np.zeros(n, dtype=bool), at=np.zeros(n)),
     )  # fmt: skip
     p = SimpleNamespace(grasp=SimpleNamespace(exact_table=np.eye(n)), along=None, magnitude=x[-1] if sought else 7.0)
@@ -55,8 +59,8 @@ def test_sizes_of_balls_are_rounded_up() -> None:
 @pytest.mark.parametrize("inverse", [None, [10.0], [0.01]], ids=["near", "beyond where nothing slides", "slow"])
 @pytest.mark.parametrize("sought", [False, True])
 def test_a_box_holds_the_root_and_little_more(inverse: list[float] | None, sought: bool) -> None:
-    inverse = inverse and [*inverse * (1 + sought)]
-    s = roots([1.5, 1.5][: 1 + sought], [2.0, 3.0][: 1 + sought], inverse, sought=sought)
+    n = 3 if sought else 1
+    s = roots([1.5] * n, [2.0, 2.0, 3.0][:n], inverse and inverse * n, sought=sought)
     box = balls.refined(s)
     pairs = [(box.v[0], box.v_off[0], 1, 2), (box.d[0], box.d_off[0], 1, 2), (box.phi[0], box.phi_off[0], 9, 2)]
     pairs += [(box.magnitude, box.magnitude_off, 1, 3)] if sought else []
@@ -68,6 +72,26 @@ def test_a_box_holds_the_root_and_little_more(inverse: list[float] | None, sough
     assert (v[0], phi[0]) == (pytest.approx(2**0.5, rel=1e-15), pytest.approx(3 * 2**0.5, rel=1e-15))
     assert magnitude == pytest.approx(3**0.5 if sought else 7.0, rel=1e-15)
     assert box.magnitude == magnitude
+
+
+def test_a_box_is_as_wide_as_newtons_test_needs() -> None:
+    """From 40 the steps come to 1.69 only."""
+    box = balls.refined(roots([40.0], [2.0]))
+    assert box.v[0] - box.v_off[0] < 2**0.5 < box.v[0] - 0.2
+    assert box.d_off[0] == pytest.approx(box.v_off[0], rel=1e-8)
+
+
+def test_middles_and_radii_are_rounded_outward() -> None:
+    ball = arb(0, 1)
+    (middle,), (radius,) = balls._floats([ball])
+    assert middle == 0
+    assert float(ball.rad()) <= radius <= float(ball.rad()) * (1 + 1e-15)
+
+
+def test_the_direction_is_that_of_the_problem() -> None:
+    s = roots([1.5], [2.0])
+    s.p.along = np.arange(6.0)
+    assert Balls(s).along.tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_rows_that_are_held_are_where_they_are_held() -> None:
@@ -84,10 +108,12 @@ def test_without_equations_the_start_is_kept() -> None:
     assert balls.refined(s).v.tolist() == [1.5]
 
 
-@pytest.mark.parametrize("starts", [[1.0], [-1.0]], ids=["no root", "no direction of sliding"])
-def test_what_has_no_box(starts: list[float]) -> None:
+@pytest.mark.parametrize(
+    ("start", "square"), [(1.0, -1.0), (-1.0, 1.0), (1.0, 0.0)], ids=["no root", "no direction of sliding", "double"]
+)
+def test_what_has_no_box(start: float, square: float) -> None:
     with pytest.raises(NotShown) as caught:
-        balls.refined(roots(starts, [-1.0]))
+        balls.refined(roots([start], [square]))
     assert not caught.value.rounding
 
 
@@ -133,3 +159,12 @@ def test_steps_with_one_inverse(starts: list[float], squares: list[float], units
     assert (found is not None) == near
     if found is not None:
         assert float(found[0].mid()) == pytest.approx(squares[0] ** 0.5, rel=1e-15)
+
+
+def test_every_equation_has_to_be_kept() -> None:
+    both = Balls(roots([1.5, 1.0], [2.0, 2.0]))
+    x, C = np.array([arb(1.5), arb(1)]), arb_mat([[arb(1 / 3), 0], [0, arb(0.5)]])
+    assert both._kept(x, C, np.array([0.25, 1.0]), 1) is None
+    kept = both._kept(x, C, np.zeros(2), 1)
+    assert kept is not None
+    assert [(float(y.mid()), float(y.rad())) for y in kept] == [(1.5, 0.0), (1.0, 0.0)]

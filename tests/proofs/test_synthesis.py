@@ -16,7 +16,7 @@ import pytest
 
 from handfast.proofs.fields import BadFile
 from handfast.proofs.pose_by_pose import impossible_at_every_pose
-from handfast.proofs.replay import Replay
+from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE, replay
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.task_file import load_task
@@ -82,6 +82,15 @@ def test_nothing_is_claimed_of_an_undecided_answer() -> None:
     assert (done.ok, done.parts) == (True, ())
     assert "% of the space holds no configuration: the boxes that were discarded are not kept" in done.not_replayed[0]
     assert done.not_replayed[1:] == (SYNTHESIS_COURSE, NAMES_CLAIM)
+
+
+def test_why_none_cannot_be_judged_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(*_: object, **__: object) -> None:
+        raise Refused("why")
+
+    monkeypatch.setattr("handfast.proofs.synthesis.impossible", refuses)
+    done = replay(changed("none", same))
+    assert done.parts == (Replay("none", "", "NONE rests on the search itself, ask it again: why"),)
 
 
 def of_poses(name: str, boxes: int, monkeypatch: pytest.MonkeyPatch) -> Replay:
