@@ -362,6 +362,10 @@ def test_meshes_and_limits_are_read_as_they_are_written() -> None:
     assert done.figures == {"contacts": 3}
     assert "with a friction of 0.5 and normal forces up to 0.3 N, of" in done.claim
     assert not replay(said(one, force_limit=None)).ok
+    assert done.name == "contacts"
+    assert "normal" not in replay(said(one, force_limit=None)).claim
+    twisted = replay(said(one, torsion=0.005)).claim
+    assert "with a friction of 0.5, a torsion of 5 mm and normal forces up to 0.3 N, of w0: " in twisted
     line = held(stone(1, 5), 0.02, stone(1, 5).centroid + 0.004)
     assert replay(said(line)).figures == {"contacts": 3}
 

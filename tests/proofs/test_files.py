@@ -69,6 +69,7 @@ def test_numbers_that_nothing_has(written, text: str) -> None:
         (r"\ud800", r"contains half a character (a lone surrogate such as \ud800)"),
         (r"a\nPROVED", r"contains 'a\nPROVED'; names and texts are one line without control characters"),
         ("\x9b31m", r"contains '\x9b31m'; names and texts are one line without control characters"),
+        (rf"{'a' * 39}\nb", rf"contains '{'a' * 39}\n'; names and texts are one line without control characters"),
         (r"\u001b[31m", r"contains '\x1b[31m'; names and texts are one line without control characters"),
     ],
 )
@@ -101,6 +102,7 @@ def test_depth(written, opened: str, closed: str) -> None:
         return written(opened * (depth - 1) + inner + closed * (depth - 1))
 
     files.read_json(nested(50))
+    files.read_json(written("[" * 50 + "3" + "]" * 50))
     for depth in (51, 900, 100_000):
         with refused("is nested too deeply; at most 50 lists and objects may be in each other"):
             files.read_json(nested(depth))

@@ -94,7 +94,14 @@ def test_how_near_a_stop_counts(revolute: bool, near: float) -> None:
     """Within `near` of it and 1e-9 of its value, for rounding."""
     task = SimpleNamespace(hand=SimpleNamespace(joints=("a", "b", "c"), revolute=[revolute] * 3))
     laws = {"a": {"stops": [1e6, -1e6]}, "b": {"stops": [None, 0.0]}, "c": {}}
-    stops = Motors.read(Fields({"actuators": [], "laws": laws}), task, {}).stops  # type: ignore[arg-type]
+    actuators = [{"name": "m", "joints": {"b": 2.0}}]
+    motors = Motors.read(Fields({"actuators": actuators, "laws": laws}), task, {})  # type: ignore[arg-type]
+    assert (motors.rows.tolist(), motors.friction.tolist(), motors.sprung.any()) == (
+        [[0.0, 2.0, 0.0]],
+        [0.0] * 3,
+        False,
+    )
+    stops = motors.stops
     assert stops[1:].tolist() == [[-np.inf, -near * STOP_INFLATION], [-np.inf, np.inf]]
     assert stops[0] == pytest.approx([1e6 + 1e-3 + near, -1e6 - 1e-3 - near], abs=1e-8)
 
@@ -141,7 +148,7 @@ def test_passive_tendons_push_without_a_limit() -> None:
     said = {"actuators": [], "tendons": {"t": {"joints": {"right_slide": 1.0}}}}
     motors = Motors.read(Fields(said), task, {})
     assert motors.sprung.tolist() == [name == "right_slide" for name in task.hand.joints]
-    assert motors.rows.shape == (0, len(task.hand.joints))
+    assert (motors.rows.shape, motors.tendon.dtype) == ((0, len(task.hand.joints)), bool)
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ class Balls:
         for _ in range(NEWTON_ROUNDS):
             *_, K, value = self.at(x)
             step = (self.derivative(K) * arb_mat(C.tolist())).solve(arb_mat(value[:, None].tolist()))
-            x = middle(x - C @ np.array(step.entries(), dtype=object))
+            x = middle(x - C @ np.array(step.entries()))
         return x
 
     def _nearer(self, C: Array) -> Array | None:
@@ -118,12 +118,12 @@ class Balls:
         radius, one = 1.5 * missed, arb_mat(len(missed), len(missed), 1)
         for _ in range(rounds):
             away = C * arb_mat([[arb(0, r)] for r in radius])
-            wide = x + np.array(away.entries(), dtype=object)
+            wide = x + np.array(away.entries())
             try:
                 error = self.derivative(self.at(wide)[2]) * C - one
             except ZeroDivisionError:  # a direction of sliding may be any
                 return None
-            grown = missed + most(np.array(error.tolist(), dtype=object)) @ radius * (1 + 1e-12)
+            grown = missed + most(np.array(error.tolist())) @ radius * (1 + 1e-12)
             if (grown <= radius).all():
                 return wide
             radius = 1.5 * grown
