@@ -295,9 +295,7 @@ class Maximum(Query):
 
     def held(self, saved: SavedAnswer, w: Witness) -> Held:
         base, along, lower = *line(saved), saved.number("lower") or 0.0
-        magnitude = float((w.wrench - base) @ along / (along @ along))
-        if lower == 0:  # it is of the base load, or of more
-            magnitude = max(magnitude, 0.0)
+        magnitude = max(float((w.wrench - base) @ along / (along @ along)), 0.0)  # that of the base load may be rounded
         if not close(w.wrench, base + magnitude * along) or magnitude < lower:
             raise Refused("witness: it is a state under another disturbance")
         claim = f"{lower:.6g} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"

@@ -233,14 +233,14 @@ def test_the_direction_of_a_line_bends_no_more_than_its_bound(half: float) -> No
 
 @pytest.mark.parametrize("which", range(3))
 def test_products_of_directions_leave_out_what_two_of_them_stray(which: int) -> None:
-    """e_i + t e_k and e_k - t e_i have the product 0, e_i + t e_k and e_i + t e_k that of 1 + t^2; so has the triple
-    product of e_i + t e_k, e_j and e_k - t e_i, for each cyclic order of i, j, k."""
+    """The product of e_i + t e_k with itself is 1 + t^2; so is the triple product of e_i + t e_k, e_j and e_k - t e_i,
+    for each cyclic order of i, j, k."""
     half, axes = 0.3, np.eye(3)
     box, row = boxed(1, half)
     i, j, k = which, (which + 1) % 3, (which + 2) % 3
     lines = {i: (axes[i], axes[k]), j: (axes[j], np.zeros(3)), k: (axes[k], -axes[i])}
     for two in (False, True):
-        of = polynomials_of([lines[i], lines[i], lines[j]] if two else [lines[c] for c in range(3)])
+        of = polynomials_of([lines[i], lines[i], lines[j]] if two else [lines[c] for c in range(3)], half)
         terms = AngleTerms(np.zeros((16, 3)), np.zeros((16, 1)))
         ask("multiplied", of, box, row, terms)
         value, remainder, stray = terms.value[0 if two else 1]
@@ -250,8 +250,8 @@ def test_products_of_directions_leave_out_what_two_of_them_stray(which: int) -> 
         assert stray >= remainder
 
 
-def polynomials_of(directions: list[tuple[np.ndarray, np.ndarray]]) -> Polynomials:
-    """Of directions on the hand, each with its derivative by the one coordinate: exact, their box +-0.3."""
+def polynomials_of(directions: list[tuple[np.ndarray, np.ndarray]], half: float) -> Polynomials:
+    """Of directions on the hand, each with its derivative by the one coordinate, in a box of this half width: exact."""
     b = len(directions)
     out = Polynomials(
         np.zeros((b, 4, 3)), np.zeros((b, 4, 1, 3)), np.zeros((b, 4)), np.zeros((b, 1, 1, 3)), np.zeros(b),
@@ -259,7 +259,7 @@ def polynomials_of(directions: list[tuple[np.ndarray, np.ndarray]]) -> Polynomia
     )  # fmt: skip
     for at, (value, slope) in enumerate(directions):
         out.value[at, 1], out.slope[at, 1, 0] = value, slope
-        out.swing[at, 1] = 0.3 * np.linalg.norm(slope)
+        out.swing[at, 1] = half * np.linalg.norm(slope)
     return out
 
 
