@@ -299,6 +299,16 @@ def test_depth_and_reach_are_those_of_the_shape(shape: Shape) -> None:
     assert np.linalg.norm(surface - CENTER, axis=1).max() <= solid.reach(CENTER)
 
 
+@pytest.mark.parametrize("shape", [*(Shape(k, s, POSE) for k, s in ROUND), stone(3)])
+def test_normals_of_parts_are_unit_vectors(shape: Shape) -> None:
+    """A radius goes along them. Cut twice, too."""
+    parts = solid_of(shape).parts()
+    assert parts is not None
+    for _ in range(3):
+        assert np.linalg.norm(parts.normals, axis=2) == pytest.approx(np.ones((len(parts), 3)), abs=1e-12)
+        parts = parts[:: len(parts) // 8].halves(CENTER)
+
+
 def test_halves_are_no_larger_than_the_whole() -> None:
     parts = solid_of(Shape("box", [0.02, 0.03, 0.05])).parts()
     assert parts is not None
@@ -316,6 +326,9 @@ def test_only_what_is_inside_as_a_whole_is_hidden() -> None:
     at = np.array([[0.019, 0, 0], [0, 0.019, 0], [0, 0, 0.01]])
     deep, out = at, at + np.array([0.002, 0, 0])
     face = np.array([[0.01, 0, 0.02], [0, 0.01, 0.02], [0, 0, 0.02]])
+    below = face * [1, 1, -1]
+    parts = SurfaceParts.of(np.stack([deep, out, below]), normals)
+    assert hidden(replace(parts, solid=parts.solid + 1), [box]).tolist() == [True, False, True]
     parts = SurfaceParts.of(np.stack([deep, out, face]), normals)
     elsewhere = replace(parts, solid=parts.solid + 1)
     assert hidden(elsewhere, [box]).tolist() == [True, False, False]

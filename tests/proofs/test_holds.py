@@ -15,9 +15,12 @@ from handfast.core.answer import Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import holds
+from handfast.proofs.answers import SavedAnswer, read_answer
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
-from handfast.proofs.question import read_question
+from handfast.proofs.path_steps import LOADING
+from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, read_question
+from handfast.proofs.replay import Refused
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.studies.questions import check, hold, maximum, torques
@@ -290,7 +293,7 @@ def test_a_bound_above_the_command() -> None:
 
 def test_a_command_limit_that_is_just_kept() -> None:
     data = saved()
-    data["question"]["command_limit"] = data["answer"]["upper"]
+    data["question"] |= {"command_limit": data["answer"]["upper"], "loading": None}  # null is as good as left out
     assert verify(data).ok
 
 
@@ -360,3 +363,77 @@ def test_loads_that_no_forces_balance_up_to_a_cap(monkeypatch: pytest.MonkeyPatc
     assert re.fullmatch(r"no forces at the contacts balance turn, up to virtual motions of \d\.\d+e\+16 N", done.claim)
     monkeypatch.setattr(holds.answers, "COMPLETE_CAP", 1e20)
     assert "it is proved for motions up to" in holds._unbalanced(saved, "turn").reason
+
+
+# --- what a file claims, without its parts ----------------------------------------------------------------
+
+TWO = {"a": np.array([1.0, 0, 0, 0, 0, 0]), "b": np.array([0, 1.0, 0, 0, 0, 0])}
+
+
+def bare(goal: str = TORQUES, wrench: Any = (0,) * 6, **more: Any) -> Question:
+    contacts = [{"position": [x, 0, 0], "normal": [-x, 0, 0], "friction": 0.5} for x in (1.0, -1.0)]
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts}
+    return read_question({"grasp": grasp, "goal": goal, "wrench": list(wrench)} | more, "")
+
+
+def claims(said: dict[str, Any], loads: Any = TWO, **more: Any) -> holds.SavedHold:
+    every = dict.fromkeys(holds.HOLD_KEYS) | {"loads": {name: w.tolist() for name, w in loads.items()}} | said
+    given: dict[str, Any] = {"bounding": None, "refuted": None} | more
+    return holds.SavedHold(bare(), loads, np.inf, every, {}, margins={}, **given)
+
+
+def test_what_is_undecided_claims_nothing() -> None:
+    undecided = {"verdict": "undecided", "lower": 0}
+    done = holds.replay(claims(undecided))
+    assert (done.ok, done.claim) == (True, "")
+    for more in ({"preload": {}}, {"upper": 1.0}):
+        done = holds.replay(claims(undecided | more))
+        assert re.fullmatch("answer: undecided with a preload", done.reason, re.IGNORECASE)
+
+
+def test_what_a_file_about_paths_says() -> None:
+    undecided = {"verdict": "undecided", "lower": 0}
+    assert holds.replay(claims(undecided, along=True)).reason.startswith("answer: has other keys than schema, query,")
+    other = claims(undecided | {"loading": "together"}, along=True)
+    assert holds.replay(other).reason == "answer: loading is not what the rest of the file shows"
+    assert holds.replay(claims(undecided | {"loading": LOADING}, along=True)).ok
+    for path, words in ((False, ""), (True, " on paths")):
+        done = holds.replay(claims({"verdict": "holds", "lower": 0.5}, along=path))
+        assert done.reason == f"answer: nothing is there that shows the bound 0.5{words}"
+        assert done.claim == f"one preload holds 2 loads{', on the path of each' if path else ''}"
+
+
+def test_what_a_file_says_slips() -> None:
+    of_load = read_answer(json.loads(json.dumps(check(nest(), PULL.wrenches[0]).to_file())))
+    together = "what no commands resist together with the load is not shown of its path"
+    done = holds.replay(claims({"verdict": "slips"}, refuted=("b", of_load), along=True))
+    assert (done.reason, done.claim) == (f"answer: b: {together}", "no preload holds b")
+    assert holds.replay(claims({"verdict": "slips"})).claim == "no preload holds some load"
+
+
+def test_no_commands_at_all_are_a_preload() -> None:
+    assert holds._held(claims({"preload": {}, "upper": 0.0}, {})) is None
+    with pytest.raises(Refused, match=r"^its largest command is 0, not 1\.0$"):
+        holds._held(claims({"preload": {}, "upper": 1.0}, {}))
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_margins_are_of_the_load_alone(axis: int) -> None:
+    """Beside a base whose only part is one of six the largest multiple is another's."""
+    direction = {"direction": TWO["b"].tolist()}
+    for base in (np.zeros(6), np.eye(6)[axis]):
+        answer = SavedAnswer(bare(LARGEST_GOAL, base, **direction), {"query": "max"}, None, None)
+        if not base.any():
+            assert holds._same_question(claims({}), "b", answer) is None
+            continue
+        with pytest.raises(Refused, match=r"^b: the answer is about another load$"):
+            holds._same_question(claims({}), "b", answer)
+
+
+def test_margins_are_the_least_that_is_shown() -> None:
+    """A load that holds has a margin of 1 at least; one that any size of is held, none."""
+    some = {"lower": 3.0, "upper": 4.0, "unbounded": False}
+    assert holds.margins_json({"a": some})["margin"] == 3
+    assert holds.margins_json({"a": some | {"lower": 0.5}})["margin"] == 1
+    assert holds.margins_json({"a": some | {"unbounded": True}})["margin"] is None
+    assert holds.margins_json({"a": some | {"unbounded": True}, "b": some})["margin"] == 3

@@ -97,6 +97,7 @@ def test_a_given_torque() -> None:
     e = equivalent_of(grasp([{"torque": -0.25}]), None, ())
     assert parts(e) == (0, [], [], [], [], [-0.25])
     assert (e.drives, e.held.tolist()) == (True, [False])
+    assert equivalent_of(grasp([{"torque": -0.25}, {}]), None, ()).drives  # of one of two joints
 
 
 @pytest.mark.parametrize(("stop", "row"), [("lower", 1.0), ("upper", -1.0)])

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from flint import fmpq_mat
 
+from handfast.proofs import leaves
 from handfast.proofs.cases import CLOSED, HALF_TURN, LOCKED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
-from handfast.proofs.equations import RightSide, equations_of
-from handfast.proofs.fields import Mask
+from handfast.proofs.equations import ENTRY_ROUNDING, RightSide, equations_of
+from handfast.proofs.fields import Array, Mask
 from handfast.proofs.kinds import Row
-from handfast.proofs.leaves import CitedRows, LeafSystems, _compact, _inverse, _pivots, exact_margin
+from handfast.proofs.leaves import CitedRows, LeafSystems, _compact, _inverse, _pivots, _turns, exact_margin
 from handfast.proofs.question import LARGEST_GOAL
-from handfast.proofs.rows import LeafRows, row_values, zeros
+from handfast.proofs.rows import UNIT_ROUNDOFF, LeafRows, row_values, zeros
 from tests.support.proof_states import contact, pinch, question, unit
 
 
@@ -42,6 +43,17 @@ def test_values_that_are_there_in_their_order(values):
     there = np.array([[True, False, True], [False, False, False], [True, True, True]])
     assert _compact(there, values, 3, 9).tolist() == [[5, 7, 9], [9, 9, 9], [5, 6, 7]]
     assert _compact(there, values, 2, 9).tolist() == [[5, 7], [9, 9], [5, 6]]
+
+
+def test_by_how_many_turns_contacts_stay_where_they_are() -> None:
+    """Contacts at -x, +x and once more at +x: about one point 3, about the line of two 1, of three or none are known 0.
+
+    Two at one place are taken for as many as know no turn.
+    """
+    places = [[-0.01, 0, 0], [0.01, 0, 0], [0.01, 0, 0]]
+    g = question([contact(p, [0, 0, 1]) for p in places], [0, 0, 1, 0, 0, 0]).grasp
+    which = np.array([[1, 0, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1], [0, 0, 0]], dtype=bool)
+    assert _turns(g, which).tolist() == [3, 3, 1, 1, 0, 0, 0]
 
 
 def test_multipliers_that_are_taken_for_0_count_for_nothing() -> None:
@@ -193,10 +205,63 @@ def shown(family: str, at_least: int) -> list[tuple[LeafSystems, int]]:
 )
 def test_what_floats_prove_of_rows_by_chance_rational_numbers_prove(family, at_least):
     """Multipliers of any sign and size: a leaf is proved only where some of them cancel every unknown exactly."""
-    for found, leaf in shown(family, at_least):  # half of these have fewer independent columns than columns
+    proved = shown(family, at_least)
+    assert any(found.more[:, leaf].any() for found, leaf in proved)  # many have fewer independent columns than columns
+    for found, leaf in proved:
         margin, cap = exact_margin(found, leaf)
         assert np.isfinite(margin)  # its sign is that of the row which is left over
         assert cap == np.inf
+
+
+def test_what_counting_does_not_show_places_of_entries_may() -> None:
+    """Where rows are no more than the rank by counting, a leaf is proved by the rank that its entries' places allow."""
+    shown = 0
+    for seed in range(8):
+        found = systems(seed, "geared", either=True)
+        with np.errstate(all="ignore"):
+            proved = np.flatnonzero(found.proved(quick=True)[0] > 0)
+        many = found._summed(found.used.astype(np.int64)) + found.used_E.sum(axis=1)
+        ragged = proved[many[proved] - 1 != found.alive[proved].sum(axis=1)]
+        shown += (found._most_ranks(ragged).sum(axis=1) >= many[ragged]).sum()
+    assert shown
+
+
+def test_equalities_cancel_what_they_can_of_the_rows() -> None:
+    """Least squares: what is left of rows and equalities is across all that equalities can change."""
+    for seed in range(4):
+        found = systems(seed)
+        left = found.rest + found.stated_v @ found.E
+        assert np.abs(found.rest @ found.equations.inverse).max() > 0.1
+        assert np.abs(left @ found.equations.inverse).max() < 1e-13
+        terms = found.count.max() + sum(found.E.shape) + len(found.equations.Z)
+        assert found.error - ENTRY_ROUNDING >= 3.99 * terms * UNIT_ROUNDOFF
+
+
+def test_bounds_hold_for_an_inverse_that_is_not_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """X that is a part in 1000 or less too small in each entry: d with d B = r is within the bounds all the same."""
+    matrices, rng = [], np.random.default_rng(0)
+
+    def small(B: Array) -> Array:
+        matrices.append(B)
+        return np.linalg.pinv(B) * (1 - 1e-3 * rng.random(B.shape))
+
+    monkeypatch.setattr(leaves, "_inverse", small)
+    found = systems(1, either=True)
+    with np.errstate(all="ignore"):
+        found.proved(quick=True)
+    matrices.clear()
+    squares = found._squares(np.flatnonzero(found.columns.any(axis=1)))
+    tried = 0
+    for square, B in zip(squares, matrices, strict=True):
+        for column in range(found.E.shape[1]):
+            residual = np.zeros((len(found.count), found.E.shape[1]))
+            residual[:, column] = 1.0
+            exact = np.abs((square._of(residual) @ np.linalg.pinv(B))[:, 0])
+            with np.errstate(all="ignore"):
+                most, regular = square.bound(residual)
+            assert (exact <= most)[regular].all()
+            tried += (exact > 0)[regular].sum()
+    assert tried > 100
 
 
 def test_no_multiplier_of_an_inequality_is_negative_in_rational_numbers():
@@ -325,9 +390,9 @@ def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin
         np.zeros((1, n), dtype=bool),
         (np.array([False, first]), np.array([True, False])),
     )
-    found = LeafSystems(
-        made, side, CitedRows(value, right, np.arange(2), none, y, np.array([0, 2]), zero, *flags), np.inf
-    )
-    assert found.proved(quick=True)[0] == pytest.approx(margin, rel=1e-8)
-    found._choose(np.array([0]), 1e-9)
-    assert exact_margin(found, 0)[0] == pytest.approx(margin, rel=1e-8)
+    for size in (1.0, 1 / 16):  # of the multipliers: relative it is the same
+        cited = CitedRows(value, right, np.arange(2), none, size * y, np.array([0, 2]), zero, *flags)
+        found = LeafSystems(made, side, cited, np.inf)
+        assert found.proved(quick=True)[0] == pytest.approx(margin, rel=1e-8)
+        found._choose(np.array([0]), 1e-9)
+        assert exact_margin(found, 0)[0] == pytest.approx(margin, rel=1e-8)

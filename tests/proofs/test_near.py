@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData, StartData
-from handfast.proofs.near import _norm, bernstein, controls_of, least_norm, near
+from handfast.proofs.near import Near, _norm, along, bernstein, controls_of, least_norm, near
 from handfast.proofs.question import read_question
 from handfast.proofs.states import ContactMode as Kind
 from handfast.proofs.states import Part, Problem, State
@@ -107,6 +107,8 @@ def test_what_is_missed_adds_up() -> None:
     for load, pressed, holds in (
         (1 + 1.8e-9, 1 + 0.9e-9, False),
         (1 + 0.9e-9, 1 + 0.9e-9, True),  # the state at the limit is near, and misses 0.9e-9
+        (1 + 0.9e-9, 1 + 3e-9, True),  # so is the one that the load asks for
+        (1 + 0.9e-9, 1 + 2e-6, False),  # which is not the one that is printed
         (1 + 0.9e-9, 1.0, True),
         (1 + 1.8e-9, 1.0, False),
         (1.0, 1.0, True),
@@ -257,9 +259,7 @@ def test_a_coupling_may_not_turn_a_joint_with_friction_back(sense: float, reacti
 
 
 D = 1e-10
-
-
-@pytest.mark.parametrize(
+GIVES_WAY = pytest.mark.parametrize(
     ("motion", "force", "mode", "changed", "limits"),
     [
         ([-1, 0, 0], [1, 0.2, 0], "STICKS", 0, {}),
@@ -273,6 +273,7 @@ D = 1e-10
             1.5 * D,
             {"force_limit": 1 - D},
         ),  # c_n is less, and c_t by friction of that
+        ([-1 - D, 0, 0], [1, 0.2, 0], "STICKS", 2 * D, {"force_limit": 1 - D}),  # it may press by D less, or by D more
         ([-1, 1, 0], [1, -0.5, 0], "SLIDES", 0, {}),
         ([-1, 1, 0], [1, -0.5, D], "SLIDES", 2 * D, {}),  # 1 N of motion is turned as the friction is
         ([-1, 4, 0], [1, -0.5 + D, 0], "SLIDES", D, {}),  # too little friction
@@ -283,6 +284,9 @@ D = 1e-10
         ([-D, 5, 0], [0, 0, 0], "OPEN", D, {}),
     ],
 )
+
+
+@GIVES_WAY
 def test_how_far_a_contact_gives_way_by_hand(motion, force, mode: str, changed: float, limits) -> None:
     """One contact at the origin with friction 1/2, balanced by the load; a part in 1e10 is off."""
     p, x = asked(
@@ -294,6 +298,60 @@ def test_how_far_a_contact_gives_way_by_hand(motion, force, mode: str, changed: 
     found = near(p, x)
     assert Kind(found.modes.contact[0]).name == mode
     assert found.changed == pytest.approx(changed, abs=1e-4 * D)
+
+
+def on_a_curve(p: Problem, a: State, b: State, load: Array) -> Near:
+    """From a, which the load balances, to b, which that of the problem does."""
+    tables = {f.name: np.stack([getattr(x, f.name) for x in (a, b)]) for f in fields(State)}
+    asked = replace(p, wrench=load, along=p.wrench - load)
+    return along(asked, np.array([0.0, 1.0]), tables, p.granted)
+
+
+@GIVES_WAY
+def test_a_contact_gives_way_on_a_curve_where_it_does_at_one_end(motion, force, mode, changed, limits) -> None:
+    """As above, from or to a state in which nothing is off."""
+    right = [np.round(x, 6) for x in (motion, force)]
+    states = [{"r": [*r, 0, 0, 0], "forces": [f]} for r, f in ((motion, force), right)]
+    loads = [[-y + (0.5 if mode == "OPEN" else 0) for y in f] + [0, 0, 0] for f in (force, right[1])]
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], FRICTION)], [])
+    (p, x), (q, y) = (asked(grasp, w, at, **limits) for w, at in zip(loads, states, strict=True))
+    for found in (on_a_curve(p, y, x, q.wrench), on_a_curve(q, x, y, p.wrench)):
+        assert Kind(found.modes.contact[0]).name == mode
+        assert found.changed == pytest.approx(changed, abs=1e-4 * D)
+
+
+@pytest.mark.parametrize("way", [[1, 0], [0, 1], [0.6, 0.8]])
+def test_a_soft_finger_that_slides_is_not_twisted(way: list[float]) -> None:
+    """Across its friction 1/2 it turns by a part in 1e10, which is as much more of the motion: twice that of 1 N."""
+    lever = 0.01
+    soft = Contact([0, 0, 0], [1, 0, 0], FRICTION, torsion=FRICTION * lever)
+    y, z = way
+    state = {"r": [-1, y, z, 0, 0, 0], "forces": [[1, -y / 2, -z / 2]], "torsion": [D * lever]}
+    found = near(*asked(Grasp([soft], []), [-1, y / 2, z / 2, -D * lever, 0, 0], state))
+    assert (found.shown, Kind(found.modes.contact[0])) == (True, Kind.SLIDES)
+    assert found.changed == pytest.approx(2 * D, abs=1e-4 * D)
+
+
+@pytest.mark.parametrize("F", [1e-3, 1.0, 1e3])
+def test_work_is_missed_relative_to_the_square_of_the_load(F: float) -> None:
+    """A part in 1e10 of the load is missing, and the object moves 4000 F along the wall: 4e-7 F^2, of 1e-6 F^2."""
+    state = {"r": [-F * (1 + D), 4000 * F, 0, 0, 0, 0], "forces": [[F * (1 + D), 0, 0]]}
+    p, x = asked(Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], []), [-F, 0, 0, 0, 0, 0], state)
+    found = near(p, x)
+    assert (found.where, found.missed) == ("the work of what (1) and (2) miss", pytest.approx(4e-10, rel=1e-5))
+    found = near(replace(p, mdp=False), x)
+    assert (found.where, found.missed) == ("(1), forces", pytest.approx(D, rel=1e-5))
+
+
+@pytest.mark.parametrize(("gap", "motion"), [(-0.4, -0.6), (0.25, -1.25)])
+def test_a_contact_presses_from_where_it_was(gap: float, motion: float) -> None:
+    """With 1 N, where it pressed with 0.4 N or was 0.25 N away before the step."""
+    state = {"r": [motion, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]]}
+    p, x = asked(Grasp([Contact([0, 0, 0], [1, 0, 0], FRICTION)], []), [-1, 0, 0, 0, 0, 0], state)
+    before = StartData(np.array([gap]), np.zeros(0), np.zeros(0))
+    found = near(replace(p, grasp=p.grasp.with_start(before)), x)
+    assert found.shown
+    assert found.changed < 1e-12
 
 
 @pytest.mark.parametrize(("other", "slip"), [([1, 0.5 + D, 0], [-1, 0, 0]), ([1, 0.2, 0], [-1, 0, D])])
@@ -332,6 +390,20 @@ def test_friction_of_a_joint_at_rest_is_no_more_than_its_law(reaction: float, mi
     found = near(*asked(held_back(mechanism, friction=0.5), [-push, 0, 0, 0, 0, 0], state))
     assert found.missed == pytest.approx(missed / push, rel=1e-5, abs=1e-14)
     assert found.shown == (missed < 1e-9)
+
+
+@pytest.mark.parametrize(("sense", "mode"), [(1.0, Part.OPENS), (-1.0, Part.MOVES)])
+def test_friction_of_a_joint_that_moves_is_that_of_its_sense(sense: float, mode: Part) -> None:
+    """The load pushes the finger 0.3 back against its friction of 0.5 N: what is off of that is missing in (2)."""
+    mechanism = Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ())
+    joints = [slide("b", [sense, 0, 0], 0, friction=0.5), slide("free", [0, 1, 0], friction=0.5)]
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, mechanism)
+    for off in (0.0, D):
+        state = {"r": [-0.8, 0, 0, 0, 0, 0], "q": [-0.3 * sense, 0], "forces": [[0.5, 0, 0]]}
+        state["reaction"] = [sense * (0.5 + off), 0.0]
+        found = near(*asked(grasp, [-0.5, 0, 0, 0, 0, 0], state))
+        assert found.modes.joint[0] == mode
+        assert found.missed == pytest.approx(off / 0.5, rel=1e-5, abs=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -398,3 +470,34 @@ def test_control_values_are_those_of_a_polynomial() -> None:
         alone, apart = _norm(one, least_norm(one))
         assert length[:, k] == pytest.approx(alone[:, 0])
         assert off[k] == pytest.approx(apart[0], abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("command", "limit", "good", "bad", "missed"),
+    [
+        (0.0, 1.0, (0, 1), (0, 1 + D), D),  # locked, beyond its limit
+        (0.0, 1.0, (0, -1), (0, -1 - D), D),
+        (1.0, np.inf, (0, 1.5), (0, 1 - D), D),  # at rest: it carries at least its command
+        (-1.0, np.inf, (0, -1.5), (0, -1 + D), D),
+        (1.0, np.inf, (0.5, 1), (0.25, 1 + D), D),  # it moves: its command
+        (1.0, np.inf, (0.5, 1), (-0.25, 1), 0.5),  # it may not move back: held at 0, 0.5 from where the contact is
+    ],
+)
+def test_a_motor_gives_way_on_a_curve_where_it_does_at_one_end(command, limit, good, bad, missed) -> None:
+    """(motion, force) at the ends; the contact presses as the motor does. What is missed is in newtons."""
+    side = -1.0 if good[1] < 0 else 1.0
+    grasp = Grasp(
+        [Contact([0, 0, 0], [side, 0, 0], 0.0)], [slide("b", [1, 0, 0], 0)], Mechanism.direct(["b"]), {"b": command}
+    )
+    made = [
+        asked(
+            grasp,
+            [-f, 0, 0, 0, 0, 0],
+            {"r": [q - f, 0, 0, 0, 0, 0], "q": [q], "f": [f], "forces": [[f, 0, 0]]},
+            torque_limits={"b": limit} if limit < np.inf else {},
+        )
+        for q, f in (good, bad)
+    ]
+    for (p, x), (_, y) in (made, made[::-1]):
+        found = on_a_curve(p, y, x, -np.r_[y.f, np.zeros(5)])
+        assert found.missed * p.granted == pytest.approx(missed, rel=1e-4)

@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from flint import fmpq
 
 from handfast.core.arrays import Array
-from handfast.proofs.path_commands import CLOSED, LOCKED, MOVED, OPEN, PathCommands, PathRow
+from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.path_commands import (
+    CLOSED,
+    LOCKED,
+    MAX_PATH_LEAVES,
+    MOVED,
+    OPEN,
+    STATE_REACH,
+    PathBound,
+    PathCommands,
+    PathLeaf,
+    PathRow,
+    leaf_bound,
+    read_bound,
+    read_sought,
+)
 from handfast.proofs.question import read_question
+from tests.support.refused import refused
 from tests.support.small_grasp import small_grasp
 
 LOAD = np.array([1.0, 2, 3, 4, 5, 6])
@@ -100,3 +119,180 @@ def test_what_a_tangent_says() -> None:
         row = of.tangent(x, i, along)
         assert not row.equal
         assert said(row, z) == pytest.approx(0.5 * 13 * 8 - 7 - 24 if i == 0 else 0.75 * 5 * 8 - 7, rel=1e-9)
+
+
+@pytest.mark.parametrize("sums", [False, True])
+def test_what_counts_as_much_as_a_force_of_one_newton(sums: bool) -> None:
+    """By hand: contacts sqrt(3/32) from their middle, which is as far from the origin; joints 1/4, sqrt 2, sqrt(1/8).
+
+    "pull" moves turn by half and slide by 1, "push" roll by 2, "back" by 1/4; the coupling slide by 1/3, roll by 1.
+    """
+    of, size = small(sums), np.sqrt(3 / 32)
+    joints = np.array([0.25, np.sqrt(2), np.sqrt(1 / 8)])
+    motors = np.array([0.25 / 2, 2 * np.sqrt(1 / 8), np.sqrt(1 / 8) / 4])
+    state = [*[2.0] * 3, *[1 / size] * 3, *1 / joints, *[1.0] * 7, *motors, np.sqrt(1 / 8), *joints]
+    sought = motors[:2]
+    wanted = [*state * 3, 1, 1, *sought, sought.sum() if sums else sought.max()]
+    np.testing.assert_allclose(of.units, wanted, rtol=1e-14)
+    assert (of.n, of.measure, of.parts, of.cost(np.array([3.0, -4, 9]))) == (74, 73, 8, 7.0 if sums else 4.0)
+    assert of.words == f"+pull, -push ({'sum' if sums else 'max'})"
+
+
+ROWS = [  # of the measure and an unknown x that is a force: 2 m - x >= 0, x >= 3 or missed by 1/2, x <= 1, m <= 4
+    PathRow({73: fmpq(2), 9: fmpq(-1)}, fmpq(0), False),
+    PathRow({9: fmpq(1)}, fmpq(3), False, None, 0.5),
+    PathRow({9: fmpq(-1)}, fmpq(-1), True),
+    PathRow({73: fmpq(-1)}, fmpq(-4), False),
+]
+
+
+@pytest.mark.parametrize(
+    ("multipliers", "bound"),
+    [
+        ([1, 1, 0, 0], 1.25),
+        ([4, 4, 0, 0], 1.25),
+        ([0, 1, 1, 0], np.inf),  # 3 - 1/2 > 1
+        ([0, 0, 0, 1], 0),  # of the measure from above
+        ([1, 3, 2, 0], 2.75),  # (9 - 2 - 3/2) / 2
+        ([1, 1, 1, 0], 0),  # x is left over, with a reach of a million times the load
+        ([1, 0, 0, 0], 0),
+        ([0.25, 0.25, 0, 0.5], np.inf),  # 3/4 - 2 - 1/8 is below 0: nothing
+    ],
+)
+def test_what_multipliers_show_by_hand(multipliers: list[float], bound: float) -> None:
+    of = small(False)
+    found = of.shown(ROWS, multipliers)
+    wanted = 0.0 if multipliers[3] == 0.5 else bound
+    assert found == pytest.approx(wanted, rel=1e-9)
+    assert found <= wanted
+
+
+def test_what_is_left_over_counts_by_its_unit() -> None:
+    """m - x / 10^9 >= 3, where x is a motion of "turn", of which 4 is as much as 1 N: times 10^6 times the load."""
+    of = small(False)
+    row = PathRow({of.measure: fmpq(1), of.at(0, 1): fmpq(-1, 10**9)}, fmpq(3), False)
+    assert of.shown([row], [1.0]) == pytest.approx(3 - 4e-9 * STATE_REACH * of.scale, rel=1e-9)
+
+
+def test_rows_and_tangents_that_a_leaf_may_have() -> None:
+    of = small(False)
+    every = of.rows
+    held = next(k for k, row in enumerate(every) if row.condition == (1, CLOSED))
+    free = next(k for k, row in enumerate(every) if row.condition is None and not row.equal)
+    last = len(every) - 1
+    case = {0: OPEN, 1: CLOSED}
+    for rows, tangents in (
+        (((last, 1.0), (0, -1.0), (held, -1.0), (free, 0.0)), ()),  # equalities have any sign
+        ((), ((0, 0, (1.0, 0, 0), 1.0), (2, 1, (1.0, 0), 0.0))),
+    ):
+        assert leaf_bound(of, every, case, PathLeaf(rows, tangents)) == 0
+    tangent = "has a tangent of no contact, or with a negative multiplier"
+    for rows, tangents, problem in (
+        (((len(every), 1.0),), (), f"has row {len(every)}; there are {len(every)}"),
+        (((-1, 1.0),), (), f"has row -1; there are {len(every)}"),
+        (((held - 1, 1.0),), (), f"row {held - 1} does not hold in its case"),  # of the open contact
+        (((free, -1e-300),), (), f"row {free} has a negative multiplier"),
+        ((), ((-1, 0, (1.0, 0, 0), 1.0),), tangent),
+        ((), ((3, 0, (1.0, 0, 0), 1.0),), tangent),
+        ((), ((0, -1, (1.0, 0, 0), 1.0),), tangent),
+        ((), ((0, 2, (1.0, 0), 1.0),), tangent),
+        ((), ((0, 0, (1.0, 0), 1.0),), tangent),
+        ((), ((0, 1, (1.0, 0, 0), 1.0),), tangent),
+        ((), ((0, 0, (1.0, 0, 0), -1.0),), tangent),
+    ):
+        with refused(problem, "there"):
+            leaf_bound(of, every, case, PathLeaf(rows, tangents), "there")
+
+
+NOTHING = PathLeaf((), ())
+
+
+@pytest.mark.parametrize(
+    ("parent", "part", "case", "problem", "field"),
+    [
+        ((0,), (0,), (0,), "begins with no root", "bound.parent"),
+        ((-1, -1, 0), (0, 0, 0), (0, 0, 1), "node 1 is no case of an earlier one", "bound"),
+        ((-1, 1, 0), (0, 0, 0), (0, 0, 1), "node 1 is no case of an earlier one", "bound"),
+        ((-1, 0, 0), (0, -1, -1), (0, 0, 1), "node 1 is no case of an earlier one", "bound"),
+        ((-1, 0, 0), (0, 8, 8), (0, 0, 1), "node 1 is no case of an earlier one", "bound"),
+        ((-1, 0, 0), (0, 0, 0), (0, 0, 2), "node 2 is no case of an earlier one", "bound"),
+        ((-1, 0, 0, 1, 1), (0, 7, 7, 7, 7), (0, 0, 1, 0, 1), "node 3 is no case of an earlier one", "bound"),
+        ((-1, 0, 0), (0, 0, 1), (0, 0, 1), "node 0 does not have both cases of one part", "bound"),
+        ((-1, 0, 0), (0, 0, 0), (0, 1, 1), "node 0 does not have both cases of one part", "bound"),
+        ((-1, 0), (0, 0), (0, 0), "node 0 does not have both cases of one part", "bound"),
+        ((-1, 0, 0, 0), (0, 0, 0, 0), (0, 0, 1, 1), "node 0 does not have both cases of one part", "bound"),
+    ],
+)
+def test_trees_that_leave_out_a_case(parent, part, case, problem: str, field: str) -> None:
+    for leaves in (1, 2, 3):
+        with refused(problem, field):
+            PathBound(parent, part, case, (NOTHING,) * leaves).lower(small(False))
+
+
+def test_a_bound_is_of_a_load_and_has_all_leaves_of_its_tree() -> None:
+    of = small(False)
+    bound = PathBound((-1, 0, 0), (0, 7, 7), (0, 1, 0), (NOTHING, NOTHING))
+    assert bound.lower(of) == 0
+    with refused("has 1 leaves; its tree has 2", "bound"):
+        replace(bound, leaves=(NOTHING,)).lower(of)
+    unloaded = replace(of, question=replace(of.question, wrench=np.zeros(6)))
+    uncertain = replace(of, question=replace(of.question, eta=0.1))
+    for other in (unloaded, uncertain):
+        assert not other.known
+        with refused("is of no load, or of uncertain normals, for which no bound is proved", "bound"):
+            bound.lower(other)
+
+
+def test_a_bound_is_read_as_it_was_written() -> None:
+    leaves = (PathLeaf(((3, 0.5), (1, -2.0)), ((1, 0, (1.0, 0.0, 2.0), 0.25),)), NOTHING)
+    bound = PathBound((-1, 0, 0), (0, 7, 7), (0, 1, 0), leaves)
+    again = read_bound(Fields(bound.to_json(), "bound"))
+    assert (again.parent, again.part, again.case) == (bound.parent, bound.part, bound.case)
+    assert [(leaf.rows, leaf.tangents) for leaf in again.leaves] == [(leaf.rows, leaf.tangents) for leaf in leaves]
+    for change, problem, field in (
+        ({"part": [0, 7]}, "has no tree", "bound"),
+        ({"case": [0, 1]}, "has no tree", "bound"),
+        ({name: [] for name in ("parent", "part", "case")}, "has no tree", "bound"),
+        ({name: [0] * (2 * MAX_PATH_LEAVES + 1) for name in ("parent", "part", "case")}, "has no tree", "bound"),
+        ({"leaves": [{"rows": [[0.5, 1]], "tangents": []}]}, "has a number that is not whole", "bound.leaves[0].rows"),
+        ({"more": 1}, "is not a known field; leave it out", "bound.more"),
+        ({"leaves": [{"tangents": [], "more": 1}]}, "is not a known field; leave it out", "bound.leaves[0].more"),
+        ({"leaves": [{"tangents": [[0.5, 0, [1, 0], 1]]}]}, None, "bound.leaves[0].tangents[0].state"),
+        ({"leaves": [{"tangents": [[0, 0, [1, 0]]]}]}, "is missing", "bound.leaves[0].tangents[0].y"),
+        ({"leaves": [{"tangents": [3]}]}, "is no object", "bound.leaves[0].tangents[0]"),
+    ):
+        with pytest.raises(BadFile) as fault:
+            read_bound(Fields(bound.to_json() | change, "bound"))
+        assert fault.value.field == field
+        assert problem is None or fault.value.problem == problem
+
+
+SENSE = "is no sense of a command that can be sought; 1 or -1 is"
+
+
+@pytest.mark.parametrize(
+    ("senses", "more", "problem", "field"),
+    [
+        ({"pull": 1, "push": 2}, {}, SENSE, "sought.senses.push"),
+        ({"pull": 1, "push": 0}, {}, SENSE, "sought.senses.push"),
+        ({"pull": 1, "push": 1, "back": 1}, {}, SENSE, "sought.senses.back"),
+        ({"pull": -1, "push": 1}, {}, SENSE, "sought.senses.pull"),
+        ({"pull": 1}, {}, "leaves out 'push', which is commanded; what is not sought is locked", "sought.senses"),
+        ({"pull": 1, "push": 1}, {"objective": "least"}, None, "sought.objective"),
+        ({"pull": 1, "push": 1}, {"more": 1}, "is not a known field; leave it out", "sought.more"),
+        ({"pull": 1, "push": 1, "pu": 1}, {}, None, "sought.senses"),
+    ],
+)
+def test_what_may_not_be_sought(senses, more, problem: str | None, field: str) -> None:
+    with pytest.raises(BadFile) as fault:
+        read_sought(Fields({"senses": senses, "objective": "max"} | more, "sought"), small(False).question)
+    assert fault.value.field == field
+    assert problem is None or fault.value.problem == problem
+
+
+@pytest.mark.parametrize("sums", [False, True])
+def test_what_is_sought_is_read_as_it_was_written(sums: bool) -> None:
+    """ "back" is commanded, too, but backdrivable, so that it may be left out."""
+    of = small(sums)
+    again = read_sought(Fields(of.to_json(), "sought"), of.question)
+    assert (again.senses.tolist(), again.sums) == ([1, -1, 0], sums)

@@ -253,7 +253,7 @@ def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Ma
     rubs = ((modes.contact == ContactMode.STICKS) | (modes.contact == ContactMode.RUBS)) & (
         g.mu > 0
     )  # LEANS is by its ratio
-    below = p.force_limit - c[..., 0] - np.where(modes.closed, c_off[..., 0], 0.0)
+    below = p.force_limit - c[..., 0] - c_off[..., 0]
     arms = p.grasp.row_units
     f, t = box.phi[..., actuators], box.d[..., actuators] * sense(p)
     f_off = box.phi_off[actuators] + 4 * UNIT_ROUNDOFF * np.abs(f)

@@ -64,7 +64,6 @@ def read_hold(data: Any, place: str = "") -> SavedHold:
     one = {name: asked.take(name) for name in ("grasp", "eta", "torque_limits", "force_limit")}
     one |= {"goal": TORQUES, "wrench": next(iter(by_name.values())), "driven": asked.take("actuators")}
     along = asked.has("loading") and bool(asked.text("loading", among=[path_steps.LOADING]))
-    asked.take("loading", None)
     asked.done()
     question = read_question(one, asked.place)
     said = f.take("answer")

@@ -257,7 +257,7 @@ def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
     axis, half = parts.cones()
     narrow, far = half < MAX_NORMAL_CONE, parts.radius[:, None, None]
     raised = (parts.points[:, :, None] + far[..., None] * parts.normals[:, None]).reshape(-1, 9, 3)
-    bulge = parts.radius * (1 / np.cos(np.where(narrow, half, 0.0)) - 1) + parts.slack  # of arcs over their chords
+    bulge = parts.radius * (1 / np.cos(half) - 1) + parts.slack  # of arcs over their chords
     low, high = raised.min(axis=1), raised.max(axis=1)
     out = np.zeros(len(parts), dtype=bool)
     for k, solid in enumerate(solids):
