@@ -21,12 +21,13 @@ from handfast.model.grasp import Grasp
 from handfast.pictures import Entry, write_report
 from handfast.stability.answers.margin import FRAGILE_MOTION, Flip, Margin
 from handfast.stability.problem import model
-from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.model import State
+from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search.least_motion import least_motion
 from handfast.stability.studies import margin_search
-from handfast.stability.studies.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin
+from handfast.stability.studies.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin, why_fragile
 from tests.support.problems import Solved, moved, pinch, solved, table
 
 
@@ -112,7 +113,31 @@ def test_a_pinch_near_its_end_is_fragile() -> None:
 
 
 def test_only_what_holds_has_a_margin() -> None:
-    assert margin(pinch(), np.array([0, -1.05, 0, 0, 0, 0])) is None
+    slips = np.array([0, -1.05, 0, 0, 0, 0])
+    assert margin(pinch(), slips) is None
+    assert why_fragile(pinch(), slips, NO_LIMITS, Settings()) is None
+
+
+@pytest.mark.parametrize(
+    ("degrees", "why"), [(1.2, ("friction", "tilt")), (2.4, ("tilt",)), (2.6, ()), (3.9, ()), (4.1, ())]
+)
+def test_why_a_grasp_is_fragile_takes_less_than_its_margin(
+    degrees: float, why: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A block that slides with all normals tilted so far: on both sides of 2.5 degrees, and of those that are tried."""
+    grasp, wrench = slope(np.arctan(0.5) - np.radians(degrees), 0.5, 1)
+    count: list[object] = []
+
+    def counted(*question, **how):
+        count.append(question)
+        return ask(*question, **how)
+
+    ask = margin_search.check
+    monkeypatch.setattr(margin_search, "check", counted)
+    assert why_fragile(grasp, wrench, NO_LIMITS, Settings()) == why
+    took = len(count)
+    assert asked(grasp, wrench).why == why
+    assert took < 30 < len(count) - took
 
 
 def test_more_friction_can_slip() -> None:

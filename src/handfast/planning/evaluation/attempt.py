@@ -259,7 +259,8 @@ class Runner:
                 break
             answer = search.under(g.grasp, g.answer, level)
             if answer and not leans_on(answer, self.asked.options, g.quality.weakest):
-                found = self.measured(replace(g, grasp=g.grasp.with_preload(preload), answer=answer))
+                firm = replace(g, grasp=g.grasp.with_preload(preload), answer=answer)
+                found = self.measured(firm, g.quality.weakest)
                 if found.robust:
                     return found
         return g
@@ -275,15 +276,15 @@ class Runner:
                 return False
         return True
 
-    def measured(self, g: PlannedGrasp) -> PlannedGrasp:
-        """A grasp with its margins and its quality; as it is if there is no time."""
+    def measured(self, g: PlannedGrasp, robust_under: str = "") -> PlannedGrasp:
+        """A grasp with its margins and its quality, see there; as it is if there is no time."""
         o = self.asked.options
         answer = with_margins(g.held, o, self.until)
         if not answer.margins and answer.loads.wrenches.any():
             return g
         clearance = self.clearance.clearance(g.q, g.pose, but=[str(c.link) for c in g.grasp.contacts])
         clearance = min(clearance, self.ways.clearance(g.q, g.pose)) if self.ways else clearance
-        return replace(g, answer=answer, quality=quality(answer, o, round(clearance, CLEARANCE_DIGITS)))
+        return replace(g, answer=answer, quality=quality(answer, o, round(clearance, CLEARANCE_DIGITS), robust_under))
 
     def _grasp(self, closed: Closed, pose: Array, contacts: Sequence[Contact]) -> Grasp:
         """The grasp of a closed hand with some of its contacts."""

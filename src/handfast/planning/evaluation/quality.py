@@ -14,7 +14,7 @@ from handfast.planning.evaluation.preload_search import PRELOAD_TIMEOUT, checkin
 from handfast.planning.question import PlanOptions
 from handfast.stability.answers.answer import finite
 from handfast.stability.studies.hold import HoldAnswer
-from handfast.stability.studies.margin_search import margin
+from handfast.stability.studies.margin_search import why_fragile
 from handfast.stability.studies.questions import maximum
 
 QUALITY_GAP = 1e-2  # of the margins: their bounds may be so far apart
@@ -91,15 +91,16 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
     return replace(answer, margins=found)
 
 
-def quality(answer: HoldAnswer, options: PlanOptions, clearance: float) -> GraspQuality:
+def quality(answer: HoldAnswer, options: PlanOptions, clearance: float, robust_under: str = "") -> GraspQuality:
     """Of a grasp whose answer knows its margins, see `with_margins`; on what it leans is asked at the weakest load.
 
     Args:
         clearance: [m].
+        robust_under: name of a load under which it is known to lean on nothing.
     """
     asked, weakest = answer.margin, answer.weakest
     times = np.inf if asked is None else asked * options.safety
-    leans = leans_on(answer, options, weakest) if weakest else ()
+    leans = leans_on(answer, options, weakest) if weakest not in ("", robust_under) else ()
     return GraspQuality(float(times), weakest, leans, clearance)
 
 
@@ -109,5 +110,5 @@ def leans_on(answer: HoldAnswer, options: PlanOptions, name: str) -> tuple[str, 
     grasp, limits = answer.grasp.with_commands(answer.preload or {}), options.limits
     wrench = answer.loads.wrenches[answer.loads.names.index(name)] / options.safety
     settings = limits.settings or checking_settings_for(grasp)
-    leant = margin(grasp, wrench, settings=settings, limits=limits.of_grasp(grasp))
-    return leant.why if leant else ("motion",) if limits.loading == "together" else ()
+    why = why_fragile(grasp, wrench, limits.of_grasp(grasp), settings)
+    return why if why is not None else ("motion",) if limits.loading == "together" else ()

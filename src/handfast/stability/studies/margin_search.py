@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from handfast.core.transforms import cross
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability.answers import CheckAnswer
 from handfast.stability.answers.check_query import ask as check
-from handfast.stability.answers.margin import Flip, Margin, rubbed, tilted
+from handfast.stability.answers.margin import FRAGILE_FRICTION, FRAGILE_TILT, Flip, Margin, rubbed, tilted
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.scaled_problem import as_wrench
 from handfast.stability.problem.settings import Settings
@@ -80,23 +81,43 @@ def margin(
     """
     if not (np.isfinite(stiffness) and stiffness > 0):
         raise InputError(f"is {stiffness:g}; a positive number is needed", field="stiffness")
-    options: dict[str, Any] = {
-        "limits": limits,
-        "mdp": mdp,
-        "settings": settings,
-    }
+    options = {"limits": limits, "mdp": mdp, "settings": settings}
+    return _searched(grasp, wrench, stiffness, options, answer, on_progress)
+
+
+def why_fragile(grasp: Grasp, wrench: Array, limits: GraspLimits, settings: Settings) -> tuple[str, ...] | None:
+    """`Margin.why` alone, without the changes that it does not take; None unless `check` answers HOLDS."""
+    options, until = {"limits": limits, "settings": settings}, (FRAGILE_FRICTION, FRAGILE_TILT)
+    found = _searched(grasp, wrench, RUBBER_PAD, options, until=until)
+    return found.why if found else None
+
+
+def _searched(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    stiffness: float,
+    options: dict[str, Any],
+    answer: CheckAnswer | None = None,
+    on_progress: OnSample | None = None,
+    until: tuple[float | None, float | None] = (None, None),
+) -> Margin | None:
+    """options: of every check; until: of friction and of tilts, see `_Ask.flip`. Otherwise as `margin`."""
     answer = answer or check(grasp, wrench, **options)
     if answer.verdict is not Verdict.HOLDS or answer.witness is None:
         return None
     w = as_wrench(wrench)
-    own = settings or Settings()
+    own = options["settings"] or Settings()
     limited = own if np.isfinite(own.timeout) else replace(own, timeout=CHECK_TIME_LIMIT)
     ask = _Ask(w, options | {"settings": limited}, on_progress)
-    less = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 - x))])
-    more = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 + x))])
+    less, more = (
+        ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, partial(_rubbed, grasp, sign), until[0])
+        for sign in (-1, 1)
+    )
     patterns = list(_patterns(sides(grasp, w)))
-    tilt = ask.flip("tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns])
-    return Margin(float(stiffness), answer, less, more, tilt, ask.count, ask.stop, limits)
+    tilt = ask.flip(
+        "tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns], until[1]
+    )
+    return Margin(float(stiffness), answer, less, more, tilt, ask.count, ask.stop, options["limits"])
 
 
 def sides(grasp: Grasp, wrench: Array) -> Array:
@@ -153,6 +174,11 @@ def _patterns(side: Array) -> Iterator[Array]:
             yield alone
 
 
+def _rubbed(grasp: Grasp, sign: int, share: float) -> list[_Change]:
+    """With all friction lessened or raised by a share."""
+    return [_Change(rubbed(grasp, 1 + sign * share))]
+
+
 def _tilted(grasp: Grasp, towards: Array, angle: float) -> _Change:
     """With normals tilted by an angle [rad]."""
     moved = tuple(int(i) for i in np.flatnonzero(towards.any(axis=1)))
@@ -173,8 +199,12 @@ class _Ask:
         changes: Sequence[float],
         resolution: float,
         made: Callable[[float], Sequence[_Change]],
+        until: float | None = None,
     ) -> Flip:
-        """Where the first of the changed grasps slips: `made` makes those of one size, always in the same order."""
+        """Where the first of the changed grasps slips: `made` makes those of one size, always in the same order.
+
+        until: only whether one slips by this size is asked.
+        """
         holds, undecided, certain = 0.0, 0, True
         first = 0  # what slipped last is asked first: it is likely to slip again
         slips, found, change = None, None, None
@@ -194,6 +224,8 @@ class _Ask:
                 holds = size
             if slips is not None and certain and slips - holds > resolution:
                 ahead = [0.5 * (holds + slips)]
+            if until is not None and (until - size if verdict is Verdict.SLIPS else size - until) >= 0:
+                break
         where = (change.contacts, change.towards) if change else ()
         return Flip(holds, slips, changes[-1], undecided, found, *where)
 
