@@ -50,3 +50,21 @@ def share_cores(worker: dict[str, Any]) -> None:
 
 def pytest_collection_finish() -> None:
     gc.freeze()
+
+
+@pytest.fixture
+def proved_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a file and of those forged from it the same proof is replayed once."""
+    from tests.support.once import PROOFS
+
+    for place, name, work in PROOFS:
+        monkeypatch.setattr(place, name, work)
+
+
+@pytest.fixture
+def asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a file and of those forged from it the same question is asked again once."""
+    from tests.support.once import ASKED_AGAIN
+
+    for place, name, work in ASKED_AGAIN:
+        monkeypatch.setattr(place, name, work)

@@ -14,6 +14,7 @@ from handfast.simulation.settled import COURSE_NOT_REPLAYED, replay_settled
 from handfast.stability.studies.ask_again import NO_TIME, Asking
 from tests.support.problems import pinch
 
+pytestmark = pytest.mark.usefixtures("asked_once")
 ALONE = Asking(jobs=1)
 
 

@@ -129,6 +129,7 @@ WRONG: dict[str, tuple[Change, str]] = {
 }
 
 
+@pytest.mark.usefixtures("asked_once")
 @pytest.mark.parametrize("name", WRONG)
 @pytest.mark.slow
 def test_what_was_changed_in_a_map_is_refused(name: str) -> None:
@@ -140,12 +141,14 @@ def test_what_was_changed_in_a_map_is_refused(name: str) -> None:
     assert re.search(why, done.fault), done.fault
 
 
+@pytest.mark.usefixtures("asked_once")
 def test_weaker_claims_are_proved_too() -> None:
     data = json.loads(map_text())
     both(put(CURVE, "lower", 1, value=0.7), put(CURVE, "upper", 1, value=1.5))(data)
     assert replay_map(data, ALONE).ok
 
 
+@pytest.mark.usefixtures("asked_once")
 @pytest.mark.slow
 def test_a_lower_bound_alone_is_held_exactly() -> None:
     data = json.loads(map_text())
@@ -195,6 +198,7 @@ def test_a_bound_for_small_motions_counts_only_where_the_search_was_complete() -
     assert shown.claim == "maxima: 1 claim, some up to virtual motions of 5 N"
 
 
+@pytest.mark.usefixtures("asked_once")
 @pytest.mark.slow
 def test_an_interval_is_asked_again() -> None:
     """Along y of the bell everything up to the largest is resisted; a hole that is none is refused."""
@@ -231,6 +235,7 @@ def test_a_sweep_is_proved() -> None:
         (put("verdict", value="undecided"), "verdict: is 'undecided'; the bounds say 'holds'"),
     ],
 )
+@pytest.mark.usefixtures("asked_once")
 def test_what_was_changed_in_a_sweep_is_refused(change: Change, why: str) -> None:
     data = json.loads(sweep_text())
     change(data)
