@@ -4,9 +4,9 @@ Numba compiles each function by itself (`_Compiler`, a pipeline of its own as nu
 LLVM over all of them together does the work, once to remove what is not needed and once for each baseline. The
 environment variable NUMBA_OPT is 0 here, so that functions come as they were written.
 
-Kernels neither allocate nor raise, and their arrays have no owners. Numba writes the counting of references and
-the handling of errors all the same; once LLVM sees that owners are always null and errors never occur, all of it
-disappears. What is left may want nothing but functions of C's mathematical library, which is checked.
+Kernels neither allocate nor raise, and their arrays have no owners, so that references are not counted. Numba writes
+the handling of errors all the same; once LLVM sees that errors never occur, all of it disappears. What is left may want
+nothing but functions of C's mathematical library, which is checked.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import numpy as np
 from llvmlite import ir
 from numba import cfunc, types
 from numba.core import cgutils
+from numba.core.codegen import AOTCPUCodegen
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import NativeLowering
@@ -66,7 +67,7 @@ def compiled(library: Library, baselines: Sequence[Baseline]) -> list[bytes]:
         whole.link_in(llvm.parse_assembly(made.inspect_llvm()))
         whole.link_in(llvm.parse_assembly(_front(name, entry.takes, made.native_name)))
     for part in _PARTS:
-        whole.link_in(llvm.parse_assembly(part))
+        whole.link_in(llvm.parse_bitcode(part))
     _check_sources(library)
     for function in whole.functions:
         if not function.is_declaration and function.name not in library.entries:
@@ -89,15 +90,16 @@ def _made_by() -> str:
     return f'!llvm.ident = !{{!0}}\n!0 = !{{!"{text}"}}\n'
 
 
-_PARTS: list[str] = []  # LLVM's representation of each function that is only called by others
+_CODE = AOTCPUCodegen("parts")
+_PARTS: list[bytes] = []  # LLVM's representation of each function that is only called by others
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class _Part(LoweringPass):
     """What calls a function is compiled without it.
 
-    Else numba would link and compile it again with each caller, and with each caller's callers, which is half of all
-    the time. Nothing of this is run here, so that an address which leads nowhere will do.
+    Else numba would link and compile it again with each caller, and with each caller's callers. Nothing of this is run
+    here, so that an address which leads nowhere will do.
     """
 
     _name = "part"
@@ -106,16 +108,20 @@ class _Part(LoweringPass):
         LoweringPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        made = state.cr
-        _PARTS.append(state.library.get_llvm_str())
-        state.targetctx.remove_user_function(made.cfunc)
+        _PARTS.append(state.library.emit_bitcode())
+        state.cr = made = state.cr._replace(cfunc=[].append)  # a function by which numba knows it, and never calls
         state.targetctx.insert_user_function(made.cfunc, made.fndesc)
         llvm.add_symbol(made.fndesc.llvm_func_name, 1)
         return True
 
 
 class _Compiler(CompilerBase):
-    """Numba's own, and `_Part` after it."""
+    """Numba's own, and `_Part` after it: without machine code of each function, and without owners of arrays."""
+
+    def __init__(self, typing: Any, target: Any, library: Any, arguments: Any, returns: Any, flags: Any, *rest: Any):
+        flags.no_compile, flags.nrt = True, False
+        library = library or _CODE.create_library("part")
+        super().__init__(typing, target, library, arguments, returns, flags, *rest)
 
     def define_pipelines(self) -> list[Any]:
         pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
@@ -131,14 +137,11 @@ def _wanted(whole: Any) -> set[str]:
 
 
 def _simplify(whole: Any, target: Any) -> None:
-    """What this leaves of owners and errors is all known to be nothing, which `_optimise` removes."""
+    """What this leaves of errors is all known to be nothing, which `_optimise` removes."""
     plain = llvm.create_pipeline_tuning_options(speed_level=2)
     plain.loop_vectorization = plain.slp_vectorization = plain.loop_unrolling = False
-    references = llvm.create_new_module_pass_manager()
-    references.add_refprune_pass()
     passes = llvm.create_pass_builder(target, plain)
     passes.getModulePassManager().run(whole, passes)
-    references.run(whole, passes)
 
 
 def _optimise(whole: Any, target: Any) -> None:

@@ -70,17 +70,9 @@ class Proved:
         return self.magnitude is None or self.magnitude[0] >= least
 
 
-def prove(
-    p: Problem,
-    x: State,
-    until: float = np.inf,
-    least: float = -np.inf,
-    within: float = np.inf,
-    tries: int = MODE_TRIES,
-) -> Proved:
+def prove(p: Problem, x: State, least: float = -np.inf, within: float = np.inf, tries: int = MODE_TRIES) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
 
-    until: [s] of `time.monotonic`, after which no further modes are tried: nothing is shown then.
     least: the magnitude that has to be reached; a state with a smaller one is shown only where nothing else is.
     within: [N] the `radius` asked for. Where motions are not determined an exact state may be farther from x; it is
         shown only where x itself misses too much.
@@ -90,9 +82,9 @@ def prove(
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
-        done = _attempts(p, x, until, tries, free=free)
+        done = _attempts(p, x, tries, free=free)
         if free and not (done.exact and done.reaches(least)):
-            fixed = _attempts(p, x, until, tries)
+            fixed = _attempts(p, x, tries)
             done = fixed if fixed.exact else done
     if (done.exact and done.reaches(least) and done.radius <= within) or not p.granted > 0:
         return done
@@ -152,18 +144,18 @@ def nearby(p: Problem, x: State, gap: float, until: float = np.inf, thorough: bo
                 continue  # at its own magnitude it was asked before
             found = solved if tried is less else less
             asked = found if share == 0 else fixed  # as an unknown the magnitude would lead back to where it was
-            if found.magnitude >= p.magnitude - gap / 10 and prove(asked, better, until).exact:
+            if found.magnitude >= p.magnitude - gap / 10 and prove(asked, better).exact:
                 return found, better
     return p, x
 
 
-def _attempts(p: Problem, x: State, until: float, most: int, free: bool = False) -> Proved:
+def _attempts(p: Problem, x: State, most: int, free: bool = False) -> Proved:
     """Modes that x may have, the likeliest first."""
     options = choices(p, x)
     names, reason, residual = list(options), "", np.inf
     queue, known = [(0, 0, (0,) * len(options))], {(0,) * len(options)}
     tries = 0
-    while queue and tries < most and len(known) < 8 * most and not (reason and time.monotonic() > until):
+    while queue and tries < most and len(known) < 8 * most:
         cost, _, chosen = heapq.heappop(queue)
         modes = modes_of(p.grasp, {name: options[name][k] for name, k in zip(names, chosen, strict=True)})
         try:

@@ -11,8 +11,10 @@ import pytest
 
 from handfast import load_grasp
 from handfast.core.answer import Stop, Verdict
+from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.check_query import ask as check
+from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import maximum, torques
 
@@ -62,3 +64,30 @@ def test_where_what_was_found_is_between_modes_the_least_motion_is_proved_instea
     assert settled.found.largest_motion < best.found.largest_motion
     assert settled.lower == pytest.approx(best.lower, rel=1e-8)
     assert not best._proved(best.found, tries=1).exact  # what was found is not shown at once
+
+
+def fingers(rng: np.random.Generator) -> Grasp:
+    """Three contacts about the z axis, two of them soft, each on a hinge of its own whose motor presses it inwards."""
+    size, contacts, joints, preload = 0.03, [], [], {}
+    for i, angle in enumerate(2 * np.pi / 3 * np.arange(3) + 0.3 * rng.normal(size=3)):
+        inwards = -np.array([np.cos(angle), np.sin(angle), 0.3 * rng.normal()])
+        inwards /= np.linalg.norm(inwards)
+        at = size * (0.2 * rng.normal(size=3) - inwards)
+        axis = np.cross(inwards, rng.normal(size=3))
+        origin = at - 1.5 * size * inwards + 0.4 * size * rng.normal(size=3)
+        contacts.append(Contact(at, inwards, float(rng.uniform(0.2, 0.9)), torsion=0.009 if i < 2 else 0.0))
+        joints.append(GraspJoint(f"hinge {i}", axis / np.linalg.norm(axis), origin, (i,)))
+        preload[f"hinge {i}"] = float(rng.uniform(0.01, 0.06) * np.sign(np.cross(axis, at - origin) @ inwards))
+    return Grasp(contacts, joints, preload=preload)
+
+
+def test_what_is_proved_when_time_is_over_is_what_verify_finds() -> None:
+    limits, later = GraspLimits(force_limit=5.0), 0
+    for seed in range(6):
+        asked = fingers(np.random.default_rng(seed))
+        best = maximum(asked, UP, limits=limits, settings=replace(ONE, nodes=60, gap=1e-6))
+        if best.found is not None:
+            later += not best._proved(best.found, tries=1).exact and best._proved(best.found).exact
+            done = replace(best).settled(until=-np.inf).verify()
+            assert done.ok, done.reason
+    assert later > 1  # exist exactly, in modes that are not the likeliest

@@ -135,11 +135,11 @@ class Answer(Presented, ABC):
         """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
 
-    def _proved(self, w: Witness, until: float = np.inf, least: float = -np.inf, tries: int = MODE_TRIES) -> Proved:
-        """What is proved of a state, until [s] of `time.monotonic`; least, tries: see `prove`."""
+    def _proved(self, w: Witness, least: float = -np.inf, tries: int = MODE_TRIES) -> Proved:
+        """What is proved of a state, however long it takes, so that `verify` finds the same; see `prove`."""
         assert self.posed is not None
         p, x = self._problem(w), stated(w.state)
-        return prove(p, x, until, least, self._within(p, x), tries)
+        return prove(p, x, least, self._within(p, x), tries)
 
     def _within(self, p: Problem, x: StateData) -> float:
         """[N] how near to a state x what is proved is to be, if it can be; of a path as near as each of its steps."""
@@ -160,9 +160,9 @@ class Answer(Presented, ABC):
         """UNDECIDED if its witness cannot be proved to be one, or if it slips up to motions that are too small only.
 
         A bound that is proved for motions inside a small cap is none that is complete: `proofs.answers.cap_fault`.
-        What is not proved until [s] of `time.monotonic` is UNDECIDED for want of time.
+        until: [s] of `time.monotonic`, from which on none is looked for in place of a witness that is not exact.
         """
-        out = self._proved_until(until)
+        out = self._with_proof()
         cap = self.proof.cap if self.proof else None
         # what is shown may move far less than what was found
         if (
@@ -178,21 +178,22 @@ class Answer(Presented, ABC):
         stop = Stop.TIME if time.monotonic() > until else Stop.NUMERICAL
         return replace(out, verdict=Verdict.UNDECIDED, stop=stop, found=None)
 
-    def _proved_until(self, until: float) -> Self:
-        """Itself, with what is proved of the state that was found, as far as there is time for it.
+    def _with_proof(self) -> Self:
+        """Itself, with what is proved of the state that was found.
 
         Of the state that moves least instead, where that one is proved in its likeliest modes and the other is not.
         """
         if self.found is None or self.posed is None or "_of_found" in self.__dict__:
             return self
-        known = self._proved(self.found, until, tries=1)
+        known = self._proved(self.found, tries=1)
         if not known.exact and self._may_move_less:
-            least = self._proved(self._least, until, tries=1)
+            least = self._proved(self._least, tries=1)
             if least.exact and self._reaches(least):
                 out = replace(self, found=self._least)
                 out.__dict__.update(_of_found=least, _shown=(self._least, least))  # kept as `cached_property` does
                 return out
-        self.__dict__["_of_found"] = known if known.exact else self._proved(self.found, until)
+        if known.exact:
+            self.__dict__["_of_found"] = known  # else it is asked for again, in all modes
         return self
 
     def _too_small(self, cap: float, shown: Witness | None) -> bool:

@@ -93,7 +93,7 @@ class MaxAnswer(Answer):
 
     def settled(self, until: float = INF) -> MaxAnswer:
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
-        out = self._proved_until(until)._exactly(until)
+        out = self._with_proof()._exactly(until)
         known = out._of_found
         if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
             out = replace(out, lower=max(known.magnitude[0], 0.0))
@@ -113,7 +113,7 @@ class MaxAnswer(Answer):
         if known is None or w is None or known.exact or self.posed is None or self._along is None:
             return self
         room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
-        lower = known if known.reason else self._proved(w, until, -INF)  # without one, a smaller one exists exactly
+        lower = known if known.reason else self._proved(w, -INF)  # without one, a smaller one exists exactly
         if lower.exact and lower.magnitude is not None and lower.magnitude[0] >= max(self.lower - room / 10, 0.0):
             return replace(self, lower=lower.magnitude[0])
         before = stated(w.state)
@@ -121,17 +121,17 @@ class MaxAnswer(Answer):
         if x is before:
             return self
         at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
-        shown = self._proved(at, until, -INF)
+        shown = self._proved(at, -INF)
         if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
             at = replace(at, state=_state(_in_modes(p, x, shown.modes)))
-            shown = self._proved(at, until, -INF)
+            shown = self._proved(at, -INF)
         if not shown.exact:
             return self
         better = replace(self, found=at)
         return replace(better, lower=min(self.lower, p.magnitude * (1 - MAGNITUDE_TOLERANCE)))
 
-    def _proved(self, w: Witness, until: float = INF, least: float | None = None, tries: int = MODE_TRIES) -> Proved:
-        return super()._proved(w, until, self.lower if least is None else least, tries)
+    def _proved(self, w: Witness, least: float | None = None, tries: int = MODE_TRIES) -> Proved:
+        return super()._proved(w, self.lower if least is None else least, tries)
 
     def _reaches(self, proved: Proved) -> bool:
         return proved.reaches(self.lower)
