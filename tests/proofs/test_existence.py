@@ -11,11 +11,12 @@ from benchmarks.exact_states import FAMILIES, drawn
 from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.proofs import states
+from handfast.proofs import existence, states
 from handfast.proofs.balls import Balls, refined
 from handfast.proofs.existence import (
     MODE_TRIES,
     REQUIRED_SLACK,
+    Proved,
     _inside,
     inequalities,
     nearby,
@@ -624,14 +625,19 @@ def test_what_is_missed_by_a_millionth_of_the_forces_may_be_rounding():
         assert fault.value.rounding == rounding
 
 
+def half_under_way(off: float = 0.0) -> tuple[Problem, State]:
+    """A contact on which 1/2 N presses from the start, and 1/2 N as a magnitude; its motion is so much off."""
+    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.0)], [])
+    p = replace(problem(grasp, [0, 0, -0.5]), along=np.array([0, 0, -1.0, 0, 0, 0]), magnitude=0.5)
+    none = np.zeros(0)
+    r = np.array([0, 0, -1.0 + off, 0, 0, 0])
+    return p, State(r, none, np.array([1.0, 0, 0]), none, none, none, np.zeros(1))
+
+
 @pytest.mark.parametrize("off", [0.0, 1e-10])
 def test_between_which_ends_a_magnitude_is(off):
     """Half of the force of 1 N is under way from the start: a magnitude of 1/2; or to 1e-9 of the load."""
-    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.0)], [])
-    p = replace(problem(grasp, [0, 0, -0.5]), along=np.array([0, 0, -1.0, 0, 0, 0]), magnitude=0.5)
-    r = np.array([0, 0, -1.0 + off, 0, 0, 0])
-    none = np.zeros(0)
-    x = State(r, none, np.array([1.0, 0, 0]), none, none, none, np.zeros(1))
+    p, x = half_under_way(off)
     done = prove(p, x)
     assert done.exact
     low, high = done.magnitude
@@ -647,3 +653,42 @@ def test_rows_have_names():
     assert names == [
         "contact 0", "contact 1", "actuator 'motor'", "actuator 'tendon'", "coupling 0", "joint 'rubs'", "joint 'both'",
     ]  # fmt: skip
+
+
+TRIED = [(0.5, True), (0.5, True), (0.5 - 1e-5, False), (0.5 - 1e-3, False), (0.5 - 1e-2, False)]
+
+
+@pytest.mark.parametrize(
+    ("shown", "lower", "asked", "found"),
+    [
+        (0.0, 0.0, TRIED, None),  # none is proved: as it was
+        (0.5, 0.0, TRIED[:1], 0.5),
+        (0.499, 0.0, TRIED[:4], 0.499),
+        (0.491, 0.009, [(0.491, True)], 0.491),  # where Newton's method leads
+        (0.489, 0.011, TRIED[1:], None),  # by more than a tenth of 0.1
+        (0.0, None, [], None),  # it fails
+    ],
+)
+def test_which_magnitudes_are_tried_near_one_that_is_not_shown(monkeypatch, shown, lower, asked, found):
+    """As an unknown, after that and without; then less by up to a tenth of 0.1. (magnitude, is it an unknown?)"""
+    p, x = half_under_way()
+    tried = []
+
+    def solved(p: Problem, y: State) -> tuple[Problem, State]:
+        own = p.magnitude - lower if lower and p.along is not None else p.magnitude
+        return (p, y) if lower is None else (replace(p, magnitude=own), replace(y))
+
+    def proved(p: Problem, y: State, until: float) -> Proved:
+        magnitude = -0.5 - p.wrench[2] if p.along is None else p.magnitude
+        tried.append((pytest.approx(magnitude, abs=1e-12), p.along is not None))
+        return Proved(abs(magnitude - shown) < 1e-9, False, "", 0.0)
+
+    monkeypatch.setattr(existence, "polished", solved)
+    monkeypatch.setattr(existence, "prove", proved)
+    less, y = nearby(p, x, 0.1, thorough=lower is not None)
+    assert asked == tried
+    assert (y is x) == (found is None)
+    assert less.magnitude == pytest.approx(found or 0.5, abs=1e-12)
+    assert less.along is not None
+    assert nearby(p, x, 0.1, until=-np.inf)[1] is x
+    assert len(tried) == len(asked)

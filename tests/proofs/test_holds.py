@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -382,13 +383,39 @@ def claims(said: dict[str, Any], loads: Any = TWO, **more: Any) -> holds.SavedHo
     return holds.SavedHold(bare(), loads, np.inf, every, {}, margins={}, **given)
 
 
+@cache
+def pulled() -> SavedAnswer:
+    return read_answer(json.loads(json.dumps(check(nest(), PULL.wrenches[0]).to_file())))
+
+
 def test_what_is_undecided_claims_nothing() -> None:
     undecided = {"verdict": "undecided", "lower": 0}
     done = holds.replay(claims(undecided))
     assert (done.ok, done.claim) == (True, "")
-    for more in ({"preload": {}}, {"upper": 1.0}):
-        done = holds.replay(claims(undecided | more))
-        assert re.fullmatch("answer: undecided with a preload", done.reason, re.IGNORECASE)
+    for more, verdict in (({"preload": {}}, "undecided"), ({"upper": 1.0}, "UNDECIDED"), ({"verdict": "?"}, "?")):
+        assert holds.replay(claims(undecided | more)).reason == f"answer: {verdict} with a preload"
+    held = replace(claims(undecided), checks={"a": pulled()})
+    assert holds.replay(held).reason == "answer: undecided with a preload"
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "field"),
+    [
+        ("schema", "?", "here.schema"),
+        ("question", {}, "here.question.loads"),
+        ("answer", {}, "here.answer.query"),
+        ("checks", {"up": {}}, "here.checks.up.schema"),
+        ("bounding", {"load": "up", "result": {}}, "here.bounding.result.schema"),
+        ("refuted", {"load": "up", "more": 1}, "here.refuted.more"),
+        ("margins", {"up": {}}, "here.margins.up.schema"),
+        ("margins", {"more": {}}, "here.margins.more"),
+        ("more", 1, "here.more"),
+    ],
+)
+def test_faults_are_named_by_their_place(place: str, value: Any, field: str) -> None:
+    with pytest.raises(BadFile) as fault:
+        holds.read_hold(saved() | {place: value}, "here")
+    assert fault.value.field == field
 
 
 def test_what_a_file_about_paths_says() -> None:
@@ -404,9 +431,8 @@ def test_what_a_file_about_paths_says() -> None:
 
 
 def test_what_a_file_says_slips() -> None:
-    of_load = read_answer(json.loads(json.dumps(check(nest(), PULL.wrenches[0]).to_file())))
     together = "what no commands resist together with the load is not shown of its path"
-    done = holds.replay(claims({"verdict": "slips"}, refuted=("b", of_load), along=True))
+    done = holds.replay(claims({"verdict": "slips"}, refuted=("b", pulled()), along=True))
     assert (done.reason, done.claim) == (f"answer: b: {together}", "no preload holds b")
     assert holds.replay(claims({"verdict": "slips"})).claim == "no preload holds some load"
 

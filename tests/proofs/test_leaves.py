@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +16,19 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
 from handfast.proofs.equations import ENTRY_ROUNDING, RightSide, equations_of
 from handfast.proofs.fields import Array, Mask
+from handfast.proofs.grasp import StartData
 from handfast.proofs.kinds import Row
-from handfast.proofs.leaves import CitedRows, LeafSystems, _compact, _inverse, _pivots, _turns, exact_margin
+from handfast.proofs.leaves import (
+    CitedRows,
+    Late,
+    LeafSystems,
+    _compact,
+    _inverse,
+    _pivots,
+    _turns,
+    exact_margin,
+    in_time,
+)
 from handfast.proofs.question import LARGEST_GOAL
 from handfast.proofs.rows import UNIT_ROUNDOFF, LeafRows, row_values, zeros
 from tests.support.proof_states import contact, pinch, question, unit
@@ -298,6 +311,31 @@ def with_one_that_hardly_counts(share: float, either: bool = False, told: float 
     zero, start = np.zeros((1, found.equations.columns.n), dtype=bool), np.array([0, 3])
     cited = CitedRows(value, right, np.arange(3), np.array([False, False, either]), y, start, zero, none, none)
     return LeafSystems(found.equations, found.side, cited, np.inf)
+
+
+@pytest.mark.parametrize(("gap", "proved"), [(0.0, True), (1.9, True), (-1.9, True), (2.1, False), (-2.1, False)])
+def test_a_cap_is_none_of_motions_that_were_there_before(monkeypatch: pytest.MonkeyPatch, gap: float, proved) -> None:
+    """What holds for motions up to 2 N says nothing where a contact was farther away, or pressed more."""
+    monkeypatch.setattr(leaves, "exact_margin", lambda *_: (0.5, 2.0))
+    found = with_one_that_hardly_counts(1e-30)
+    g = found.equations.grasp
+    before = StartData(gap * np.eye(g.m)[1], np.zeros(g.l), np.zeros(g.a))
+    found.equations = replace(found.equations, grasp=g.with_start(before))
+    margins, caps = found.proved(quick=False)
+    assert (margins.tolist(), caps.tolist()) == (([0.5], [2.0]) if proved else ([-np.inf], [np.inf]))
+
+
+def test_it_ends_where_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before squares are inverted, ranks are counted by entries, rows are chosen, and each leaf in rational numbers."""
+    places: list[str] = []
+    monkeypatch.setattr(leaves, "in_time", lambda until: places.append(sys._getframe(1).f_code.co_name))
+    with np.errstate(all="ignore"):
+        systems(0, either=True).proved(quick=False)
+    assert set(places) == {"_squares", "_most_by_entries", "_choose", "proved"}
+    monkeypatch.undo()
+    with pytest.raises(Late):
+        in_time(time.monotonic() - 1)
+    in_time(np.inf)
 
 
 @pytest.mark.parametrize("share", [10.0**-k for k in (1, 3, 6, 9, 12, 14, 15, 16, 18, 30, 100)])
