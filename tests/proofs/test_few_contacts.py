@@ -17,7 +17,7 @@ from handfast.model.shape import Kind, Shape
 from handfast.planning.filters.balance import held_by_contacts, imbalance
 from handfast.proofs.few_contacts import Fewest, Held, replay, to_json, words
 from handfast.proofs.fields import BadFile
-from handfast.proofs.solids import ConvexSolid, SurfaceParts, angle, hidden
+from handfast.proofs.solids import EIGHTHS, ConvexSolid, SurfaceParts, angle, hidden
 from handfast.stability.problem.loads import Loads
 
 CENTER = np.array([0.002, -0.001, 0.003])
@@ -339,6 +339,10 @@ def test_only_what_is_inside_as_a_whole_is_hidden() -> None:
     corner = np.array([[0.015, 0.015, 0], [0, 0.019, 0], [0, 0, 0.01]])
     of_ball = SurfaceParts.of(np.stack([at, corner]), normals[:2])
     assert hidden(replace(of_ball, solid=of_ball.solid + 1), [ball]).tolist() == [True, False]
+    # eighths of a ball of 4 mm: their arcs may rise sqrt 3 - 1 of that over their corners, which are 3.5 or 2.5 mm deep
+    for z, upper in ((0.0125, True), (0.0135, False)):
+        eighths = SurfaceParts.of(np.tile([0, 0, z], (8, 3, 1)), EIGHTHS, 0.004)
+        assert hidden(replace(eighths, solid=eighths.solid + 1), [box]).tolist() == [upper, True] * 4
 
 
 # --- files --------------------------------------------------------------------------------------------
