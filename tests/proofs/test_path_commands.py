@@ -35,11 +35,11 @@ LOAD = np.array([1.0, 2, 3, 4, 5, 6])
 def small(sums: bool, more: bool = False) -> PathCommands:
     """Of pull, a tendon, and push, in its negative sense; "back" carries 1/2.
 
-    more: the other contact is a soft finger, too, and there is another coupling: 2 turn = 8 roll.
+    more: the other contact is a soft finger, too, that joints move along its normal; also 2 turn = 8 roll.
     """
     grasp = small_grasp() | {"preload": {"push": -0.75, "pull": 3, "back": 0.5}}
     if more:
-        grasp["contacts"][1]["torsion"] = 0.375
+        grasp["contacts"][1] |= {"torsion": 0.375, "normal": [0, 1, 0]}
         grasp["mechanism"]["couplings"].append({"turn": 2, "roll": -8})
     asked = {"goal": "check", "wrench": LOAD.tolist(), "force_limit": 8, "torque_limits": {"push": 2}}
     return PathCommands(read_question({"grasp": grasp} | asked, "q"), np.array([1.0, -1, 0]), sums)
@@ -183,6 +183,7 @@ def test_what_comes_after_a_backdrivable_motor_has_its_rows() -> None:
     assert own.count(({effort: 1.0}, False)) == own.count(({effort: -1.0}, False)) == 1
     assert ({roll: 0.5}, True) in own
     assert ({tendon: 1.0}, False) in own
+    assert (of.cost(np.ones(3)), len(of.units), of.units[-1]) == (0, of.n, 0)  # of no command at all
 
 
 @pytest.mark.parametrize(("sums", "more"), [(False, False), (True, False), (False, True)])
@@ -219,9 +220,11 @@ ROWS = [  # of the measure and an unknown x that is a force: 2 m - x >= 0, x >= 
         ([4, 4, 0, 0], 1.25),
         ([0, 1, 1, 0], np.inf),  # 3 - 1/2 > 1
         ([0, 0, 0, 1], 0),  # of the measure from above
+        ([0, 2, 2, 0.25], 0),  # 6 - 2 - 1 - 1 of less than none of it
         ([1, 3, 2, 0], 2.75),  # (9 - 2 - 3/2) / 2
         ([1, 1, 1, 0], 0),  # x is left over, with a reach of a million times the load
         ([1, 0, 0, 0], 0),
+        ([1, 1e305, 0, 0], 0),  # more than floats hold
         ([0.25, 0.25, 0, 0.5], np.inf),  # 3/4 - 2 - 1/8 is below 0: nothing
     ],
 )
@@ -276,7 +279,7 @@ def test_rows_and_tangents_that_a_leaf_may_have() -> None:
             leaf_bound(of, every, case, PathLeaf(rows, tangents), "there")
 
 
-NOTHING = PathLeaf((), ())
+NOTHING, TREE = PathLeaf((), ()), ("parent", "part", "case")
 
 
 @pytest.mark.parametrize(
@@ -307,6 +310,8 @@ def test_a_bound_is_of_a_load_and_has_all_leaves_of_its_tree() -> None:
     assert bound.lower(of) == 0
     with refused("has 1 leaves; its tree has 2", "bound"):
         replace(bound, leaves=(NOTHING,)).lower(of)
+    with refused("has row 999; there are 128", "bound.leaves[1]"):
+        replace(bound, leaves=(NOTHING, PathLeaf(((999, 1.0),), ()))).lower(of)
     unloaded = replace(of, question=replace(of.question, wrench=np.zeros(6)))
     uncertain = replace(of, question=replace(of.question, eta=0.1))
     for other in (unloaded, uncertain):
@@ -321,11 +326,12 @@ def test_a_bound_is_read_as_it_was_written() -> None:
     again = read_bound(Fields(bound.to_json(), "bound"))
     assert (again.parent, again.part, again.case) == (bound.parent, bound.part, bound.case)
     assert [(leaf.rows, leaf.tangents) for leaf in again.leaves] == [(leaf.rows, leaf.tangents) for leaf in leaves]
+    assert len(read_bound(Fields({"leaves": []} | dict.fromkeys(TREE, [0] * 2 * MAX_PATH_LEAVES))).part) == 200_000
     for change, problem, field in (
         ({"part": [0, 7]}, "has no tree", "bound"),
         ({"case": [0, 1]}, "has no tree", "bound"),
-        ({name: [] for name in ("parent", "part", "case")}, "has no tree", "bound"),
-        ({name: [0] * (2 * MAX_PATH_LEAVES + 1) for name in ("parent", "part", "case")}, "has no tree", "bound"),
+        ({name: [] for name in TREE}, "has no tree", "bound"),
+        (dict.fromkeys(TREE, [0] * (2 * MAX_PATH_LEAVES + 1)), "has no tree", "bound"),
         ({"leaves": [{"rows": [[0.5, 1]], "tangents": []}]}, "has a number that is not whole", "bound.leaves[0].rows"),
         ({"part": [0, 7, 7.5]}, "has a number that is not whole", "bound.part"),
         ({"more": 1}, "is not a known field; leave it out", "bound.more"),
