@@ -23,7 +23,7 @@ from handfast.proofs.checker import verify
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.existence import prove
 from handfast.proofs.fields import Array, BadFile, rational, rationals
-from handfast.proofs.grasp import GraspData, read_grasp
+from handfast.proofs.grasp import GraspData, StartData, read_grasp
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
 from handfast.proofs.kinds import Row
 from handfast.proofs.question import Question, read_question
@@ -284,6 +284,31 @@ def test_a_tie_that_is_there_twice_or_contradicts_changes_nothing() -> None:
     for second in ([-4, 2], [1, 1]):
         e = equivalent_of(grasp([{"friction": 0.5}, {"friction": 0.25}], couplings=[[-2, 1], second]), None, ())
         assert (e.sliders, e.torque.tolist()) == (1, [0.5, 0.25, -2])
+
+
+def test_a_tie_is_one_wherever_its_row_stands() -> None:
+    """After a coupling of three joints: q0 = 2 q1."""
+    laws = [{"friction": 0.5}, {"friction": 0.25}, {}]
+    for rows in ([[1, 1, 1], [1, -2, 0]], [[1, -2, 0], [1, 1, 1]]):
+        e = equivalent_of(grasp(laws, couplings=rows), None, ())
+        assert (e.sliders, e.torque.tolist()) == (1, [0.5, 0.25, 0, -2])
+
+
+@pytest.mark.parametrize(("stop", "sign"), [("lower", 1.0), ("upper", -1.0)])
+@pytest.mark.parametrize("left", [0.25, 2.0])
+def test_what_had_left_its_stop_or_was_slack_moves_both_ways(stop: str, sign: float, left: float) -> None:
+    """In a step: its friction has a slider, beside the stop or the tendon, which are as far away as they were."""
+    g = grasp([{"friction": 0.5, "stop": stop}, {"friction": 0.25}], {"t": ([0, 1], {"tendon": True})})
+    at_rest = equivalent_of(g, None, ())
+    assert parts(at_rest)[0] == 0
+    assert at_rest.torque.tolist() == [-sign * 0.5, -0.25]
+    before = StartData(np.zeros(1), np.array([left, 0.0]), np.array([left]))
+    e = equivalent_of(g.with_start(before), None, ())
+    assert e.R.tolist() == [
+        [0, 1, 0, 0], [sign, 0, 0, 0], [0, 0, 1, 0], [-1, 0, 1, 0], [0, 0, 0, 1], [0, -1, 0, 1]
+    ]  # fmt: skip
+    assert e.slack.tolist() == [left, left, 0, 0, 0, 0]
+    assert e.torque.tolist() == [0.5, 0.25, -1, -0.5]
 
 
 def test_couplings_over_three_joints_tie_none_to_each_other() -> None:
