@@ -241,7 +241,8 @@ def _tried(mutant: Mutant, source: str, tests: list[pytest.Item], seconds: float
     function: Any = importlib.import_module(f"handfast.{source[:-3].replace('/', '.')}")
     for part in mutant.function.split("."):
         function = vars(function)[part]
-    for inner in ("fget", "func", "__func__", "__wrapped__"):  # without what decorates it
+    for inner in ("fget", "func", "__func__", "__wrapped__"):  # without what decorates it, or remembers its values
+        getattr(function, "cache_clear", lambda: None)()
         function = getattr(function, inner, function)
 
     def passes() -> bool:

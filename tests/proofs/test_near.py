@@ -6,14 +6,16 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from flint import fmpq
 
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.existence import Proved, prove
+from handfast.proofs.fields import exact
 from handfast.proofs.grasp import GraspData, StartData
-from handfast.proofs.near import Near, _norm, along, bernstein, controls_of, least_norm, near
+from handfast.proofs.near import Near, _norm, _projected, along, bernstein, controls_of, least_norm, near
 from handfast.proofs.question import read_question
 from handfast.proofs.states import ContactMode as Kind
 from handfast.proofs.states import Part, Problem, State
@@ -234,7 +236,9 @@ def test_a_coupling_may_not_turn_an_actuator_back() -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("ends", [[[3, 0], [0, 4]], [[1, 0], [-1, 1]], [[1, 0], [5, 1], [-3, 2]]])
+@pytest.mark.parametrize(
+    "ends", [[[3, 0], [0, 4]], [[1, 0], [-1, 1]], [[1, 0], [5, 1], [-3, 2]], [[2, 0], [-2, 0], [1, 0]]]
+)
 def test_the_length_of_a_curve_is_as_near_as_is_said(ends: list[list[float]], scale: float) -> None:
     a = scale * np.array(ends, dtype=float)[:, None]
     length, off = _norm(a, least_norm(a))
@@ -286,18 +290,49 @@ GIVES_WAY = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.parametrize("F", [1.0, 1e-6, 1e6])
 @GIVES_WAY
-def test_how_far_a_contact_gives_way_by_hand(motion, force, mode: str, changed: float, limits) -> None:
-    """One contact at the origin with friction 1/2, balanced by the load; a part in 1e10 is off."""
+def test_how_far_a_contact_gives_way_by_hand(motion, force, mode: str, changed: float, limits, F: float) -> None:
+    """One contact at the origin with friction 1/2, balanced by the load, of F; a part in 1e10 is off."""
     p, x = asked(
         Grasp([Contact([0, 0, 0], [1, 0, 0], FRICTION)], []),
-        [-f + (0.5 if mode == "OPEN" else 0) for f in force] + [0, 0, 0],
-        {"r": [*motion, 0, 0, 0], "forces": [force]},
-        **limits,
+        [F * (-f + (0.5 if mode == "OPEN" else 0)) for f in force] + [0, 0, 0],
+        {"r": [*F * np.array(motion), 0, 0, 0], "forces": [F * np.array(force)]},
+        **{name: F * limit for name, limit in limits.items()},
     )
     found = near(p, x)
     assert Kind(found.modes.contact[0]).name == mode
-    assert found.changed == pytest.approx(changed, abs=1e-4 * D)
+    assert found.changed == pytest.approx(changed * F, abs=1e-4 * D * F)
+
+
+def test_the_nearest_points_are_so_by_the_units_of_joints() -> None:
+    """q1 + q2 = 1 from (0, 0, 5) and from (17, 1, 0), where q1 moves contacts by a quarter of what q2 does."""
+    rows, units, at = (exact(np.array(x)) for x in ([[1.0, 1, 0]], [2.0, 0.5, 4], [1.0]))
+    q = _projected(exact(np.array([[0.0, 0, 5], [17, 1, 0]])), rows, units, at)
+    assert q is not None
+    assert q.tolist() == [[fmpq(16, 17), fmpq(1, 17), 5], [fmpq(1), fmpq(0), 0]]
+    twice = np.concatenate([rows, rows])
+    assert _projected(q, twice, units, exact(np.array([1.0, 1]))) is q
+    assert _projected(q, twice, units, exact(np.array([1.0, 2]))) is None
+
+
+def test_a_tendon_that_was_slack_may_slacken_less() -> None:
+    """By 0.2 of 0.5, with a finger that touches nothing, beside a contact that carries the load."""
+    contacts = [Contact([0, 0, 0], [1, 0, 0], 0.0), Contact([0, 0, 0], [0, 1, 0], 0.0)]
+    grasp = Grasp(contacts, [slide("b", [1, 0, 0], 0)], Mechanism(("t",), np.eye(1), np.zeros((0, 1)), (True,)))
+    state = {"r": [0, -1, 0, 0, 0, 0], "q": [-0.2], "forces": [[0, 0, 0], [0, 1, 0]]}
+    p, x = asked(grasp, [0, -1, 0, 0, 0, 0], state)
+    found = near(replace(p, grasp=p.grasp.with_start(StartData(np.zeros(2), np.zeros(1), np.array([0.5])))), x)
+    assert (found.shown, found.modes.actuator.tolist()) == (True, [Part.MOVES])
+
+
+@pytest.mark.parametrize("way", [[1, 0], [0, 1]])
+def test_a_contact_without_friction_has_none(way: list[float]) -> None:
+    """The tenth of the load that it is said to carry across is missing."""
+    across = 0.1 * np.array(way)
+    state = {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, *across]]}
+    p, x = asked(Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], []), [-1, *-across, 0, 0, 0], state)
+    assert near(p, x).missed * p.granted == pytest.approx(0.1)
 
 
 def on_a_curve(p: Problem, a: State, b: State, load: Array) -> Near:
@@ -341,6 +376,31 @@ def test_work_is_missed_relative_to_the_square_of_the_load(F: float) -> None:
     assert (found.where, found.missed) == ("the work of what (1) and (2) miss", pytest.approx(4e-10, rel=1e-5))
     found = near(replace(p, mdp=False), x)
     assert (found.where, found.missed) == ("(1), forces", pytest.approx(D, rel=1e-5))
+
+
+@pytest.mark.parametrize(
+    ("axis", "arm", "lever", "where", "missed"),
+    [
+        ([0, 0, 1.0], 3.0, 0.0, "(2) of joint 'a'", 3.0),
+        ([0.6, 0, 0.8], 3.0, 1.0, "(2) of joint 'a'", 1.5 * (3 + 0.6)),  # it turns the soft finger by 0.6
+        ([0.6, 0, 0.8], 0.1, 1.0, "(1), torques", 1.5 * (1 + 1)),
+    ],
+)
+def test_what_forces_change_by_counts_with_their_levers(axis, arm: float, lever: float, where: str, missed) -> None:
+    """Contacts at h and -h along y; the force at one is D = 1e-10 N above its limit, which a locked joint moves.
+
+    Friction of 1/2, with a lever of twisting, changes with it. All are arms in h, which is 1 N at any.
+    """
+    h, mu = 0.01, 0.5 * (lever > 0)
+    contacts = [Contact([0, y, 0], [1, 0, 0], mu, torsion=mu * lever * h) for y in (h, -h)]
+    mechanism = Mechanism(("m",), np.array([[2.0]]), np.zeros((0, 1)), (False,))
+    joint = GraspJoint("a", axis, [0, h + arm * h, 0], (0,))
+    state = {"r": [-1 - D / 2, 0, 0, 0, 0, D / 2 / h], "forces": [[1 + D, 0, 0], [1, 0, 0]]}
+    state["f"] = [axis[2] * arm * h * (1 + D) / 2]
+    p, x = asked(Grasp(contacts, [joint], mechanism), [-2 - D, 0, 0, 0, 0, h * D], state)
+    assert near(p, x).missed < 1e-14
+    found = near(replace(p, force_limit=1.0), x)
+    assert (found.where, found.missed * p.granted) == (where, pytest.approx(missed * D, rel=1e-5))
 
 
 @pytest.mark.parametrize(("gap", "motion"), [(-0.4, -0.6), (0.25, -1.25)])
@@ -464,9 +524,10 @@ def test_control_values_are_those_of_a_polynomial() -> None:
     assert controls_of(2) @ values == pytest.approx(np.array([[0, 0], [0, 1], [1, 0]]), abs=1e-15)
     a = np.array([[1, 0], [5, 1], [-3, 2]], dtype=float)[:, None]
     small, straight = 1e-3 * a, np.array([[1, 0], [2, 0], [3, 0]], dtype=float)[:, None]
-    together = np.concatenate([a, small, straight], axis=1)
+    bent = np.array([[3, 0], [2, 2], [1, 3]], dtype=float)[:, None]
+    together = np.concatenate([a, small, straight, bent], axis=1)
     length, off = _norm(together, least_norm(together))
-    for k, one in enumerate((a, small, straight)):
+    for k, one in enumerate((a, small, straight, bent)):
         alone, apart = _norm(one, least_norm(one))
         assert length[:, k] == pytest.approx(alone[:, 0])
         assert off[k] == pytest.approx(apart[0], abs=1e-14)
