@@ -237,7 +237,7 @@ def test_a_coupling_may_not_turn_an_actuator_back() -> None:
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(
-    "ends", [[[3, 0], [0, 4]], [[1, 0], [-1, 1]], [[1, 0], [5, 1], [-3, 2]], [[2, 0], [-2, 0], [1, 0]]]
+    "ends", [[[3, 0], [0, 4]], [[1, 0], [-1, 1]], [[1, 0], [5, 1], [-3, 2]], [[2, 0], [-1, 0], [0.25, 0]]]
 )
 def test_the_length_of_a_curve_is_as_near_as_is_said(ends: list[list[float]], scale: float) -> None:
     a = scale * np.array(ends, dtype=float)[:, None]
@@ -324,6 +324,66 @@ def test_a_tendon_that_was_slack_may_slacken_less() -> None:
     p, x = asked(grasp, [0, -1, 0, 0, 0, 0], state)
     found = near(replace(p, grasp=p.grasp.with_start(StartData(np.zeros(2), np.zeros(1), np.array([0.5])))), x)
     assert (found.shown, found.modes.actuator.tolist()) == (True, [Part.MOVES])
+
+
+def test_a_curve_of_motions_is_no_curve_of_lengths() -> None:
+    """A slip from (3, 0) to (0, 4) is 2.5 N long half way, not 3.5 N, and 0.6 of it counts where normals may turn."""
+    grasp, pressed = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], []), [0.8 * 10 - 0.6 * slip for slip in (3, 4)]
+    made = [
+        asked(grasp, [-c, 0, 0, 0, 0, 0], {"r": [-10, *slip, 0, 0, 0], "forces": [[c, 0, 0]]})
+        for c, slip in zip(pressed, ([3, 0], [0, 4]), strict=True)
+    ]
+    (p, x), (q, y) = ((replace(p, cos=0.8, sin=0.6), x) for p, x in made)
+    assert near(p, x).shown
+    assert near(q, y).shown
+    found = on_a_curve(q, x, y, p.wrench)
+    assert (found.shown, found.where) == (False, "the law of contact 0")
+    assert found.missed * q.granted > 0.6 * (3.5 - 2.5)
+
+
+@pytest.mark.parametrize(("end", "changed"), [(1 + D, 1.5), (-D, 2.0)])
+def test_a_force_is_within_its_limits_all_along_a_curve(end: float, changed: float) -> None:
+    """From 1/2 N to one that is D beyond 1 N: with friction of half of it that is 1.5 D. Below 0 no cone is left."""
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], FRICTION)], [])
+    made = [
+        asked(grasp, [-c, 0, 0, 0, 0, 0], {"r": [-c, 0, 0, 0, 0, 0], "forces": [[c, 0, 0]]}, force_limit=1.0)
+        for c in (0.5, end)
+    ]
+    for (p, x), (q, y) in (made, made[::-1]):
+        tables = {f.name: np.stack([getattr(z, f.name) for z in (x, y)]) for f in fields(State)}
+        found = along(replace(p, along=q.wrench - p.wrench), np.array([0.0, 1.0]), tables, 0.5)
+        assert found.changed == pytest.approx(changed * D, rel=1e-4)
+
+
+def test_what_a_joint_is_off_counts_at_any_end_of_a_curve() -> None:
+    """A locked motor carries 1 N, or D more than the contact there."""
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], [slide("b", [1, 0, 0], 0)], Mechanism.direct(["b"]))
+    state = {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]]}
+    (p, x), (_, y) = (asked(grasp, [-1, 0, 0, 0, 0, 0], state | {"f": [f]}) for f in (1.0, 1 + D))
+    for found in (on_a_curve(p, x, y, p.wrench), on_a_curve(p, y, x, p.wrench)):
+        assert (found.where, found.missed) == ("(2) of joint 'b'", pytest.approx(D, rel=1e-5))
+
+
+@pytest.mark.parametrize(("part", "where"), [(0, "(1), forces"), (5, "(1), torques")])
+def test_what_is_off_of_the_load_counts_at_any_end_of_a_curve(part: int, where: str) -> None:
+    """Of one end a part in 1e10 of 2 N, or of that at the contacts' distance from their middle."""
+    h = 0.01
+    contacts = [Contact([0, y, 0], [1, 0, 0], 0.0) for y in (h, -h)]
+    p, x = asked(Grasp(contacts, []), [-2, 0, 0, 0, 0, 0], {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]] * 2})
+    other = p.wrench.copy()
+    other[part] += 2 * D * (h if part else 1)
+    for found in (on_a_curve(p, x, x, other), on_a_curve(replace(p, wrench=other), x, x, p.wrench)):
+        assert (found.where, found.missed) == (where, pytest.approx(D, rel=1e-5))
+
+
+def test_what_is_missing_at_a_joint_does_work() -> None:
+    """A motor of 1 + 1e-10 N at a contact of 1 N moves 4000 with the object: 4e-7 of the square of the load."""
+    grasp = Grasp(
+        [Contact([0, 0, 0], [1, 0, 0], 0.0)], [slide("b", [1, 0, 0], 0)], Mechanism.direct(["b"]), {"b": 1 + D}
+    )
+    state = {"r": [3999, 0, 0, 0, 0, 0], "q": [4000], "f": [1 + D], "forces": [[1, 0, 0]]}
+    found = near(*asked(grasp, [-1, 0, 0, 0, 0, 0], state))
+    assert (found.where, found.missed) == ("the work of what (1) and (2) miss", pytest.approx(4e-10, rel=1e-5))
 
 
 @pytest.mark.parametrize("way", [[1, 0], [0, 1]])
@@ -495,6 +555,13 @@ def test_a_command_is_within_the_limit_of_its_motor() -> None:
         found = near(own, x)
         assert found.shown == shown, (command, limit)
         assert shown or (found.missed, found.where) == (np.inf, "the limit of actuator 'm'")
+    moves = replace(x, q=np.array([0.5, 0.0]), r=np.array([-0.5, 0, 0, 0, 0, 0]))
+    for limit, shown in ((2.0, True), (1.0, False)):  # as one that moves
+        own = replace(p, grasp=p.grasp.with_command(np.array([1 + 5e-10])), torque_limit=np.array([limit]))
+        found = near(own, moves)
+        assert found.modes.actuator.tolist() == [Part.MOVES]
+        assert shown == found.shown
+        assert shown or (found.missed, found.where) == (np.inf, "the limit of actuator 'm'")
     # what nobody commands is locked, and carries in either sense
     push = near(p, x)
     assert push.shown
@@ -541,6 +608,7 @@ def test_control_values_are_those_of_a_polynomial() -> None:
         (1.0, np.inf, (0, 1.5), (0, 1 - D), D),  # at rest: it carries at least its command
         (-1.0, np.inf, (0, -1.5), (0, -1 + D), D),
         (1.0, np.inf, (0.5, 1), (0.25, 1 + D), D),  # it moves: its command
+        (1.0, np.inf, (0, 1), (0.5, 1 + D), D),  # from where it was at rest
         (1.0, np.inf, (0.5, 1), (-0.25, 1), 0.5),  # it may not move back: held at 0, 0.5 from where the contact is
     ],
 )
