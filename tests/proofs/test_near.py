@@ -512,18 +512,24 @@ def test_friction_of_a_joint_at_rest_is_no_more_than_its_law(reaction: float, mi
     assert found.shown == (missed < 1e-9)
 
 
+@pytest.mark.parametrize("F", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize(("sense", "mode"), [(1.0, Part.OPENS), (-1.0, Part.MOVES)])
-def test_friction_of_a_joint_that_moves_is_that_of_its_sense(sense: float, mode: Part) -> None:
-    """The load pushes the finger 0.3 back against its friction of 0.5 N: what is off of that is missing in (2)."""
+def test_friction_of_a_joint_that_moves_is_that_of_its_sense(sense: float, mode: Part, F: float) -> None:
+    """The load pushes the finger 0.3 F back against its friction of 0.5 F: what is off of that is missing in (2).
+
+    Also on the way there, from where it is at rest.
+    """
     mechanism = Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ())
-    joints = [slide("b", [sense, 0, 0], 0, friction=0.5), slide("free", [0, 1, 0], friction=0.5)]
+    joints = [slide("b", [sense, 0, 0], 0, friction=0.5 * F), slide("free", [0, 1, 0], friction=0.5)]
     grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, mechanism)
     for off in (0.0, D):
-        state = {"r": [-0.8, 0, 0, 0, 0, 0], "q": [-0.3 * sense, 0], "forces": [[0.5, 0, 0]]}
-        state["reaction"] = [sense * (0.5 + off), 0.0]
-        found = near(*asked(grasp, [-0.5, 0, 0, 0, 0, 0], state))
-        assert found.modes.joint[0] == mode
-        assert found.missed == pytest.approx(off / 0.5, rel=1e-5, abs=1e-14)
+        state = {"r": [-0.8 * F, 0, 0, 0, 0, 0], "q": [-0.3 * F * sense, 0], "forces": [[0.5 * F, 0, 0]]}
+        state["reaction"] = [F * sense * (0.5 + off), 0.0]
+        p, x = asked(grasp, [-0.5 * F, 0, 0, 0, 0, 0], state)
+        begun = replace(x, r=np.array([-0.5 * F, 0, 0, 0, 0, 0]), q=np.zeros(2))
+        for found in (near(p, x), on_a_curve(p, begun, x, p.wrench)):
+            assert found.modes.joint[0] == mode
+            assert found.missed == pytest.approx(off / 0.5, rel=1e-5, abs=1e-14)
 
 
 @pytest.mark.parametrize(
