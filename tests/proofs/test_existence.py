@@ -678,7 +678,7 @@ def test_which_magnitudes_are_tried_near_one_that_is_not_shown(monkeypatch, show
         own = p.magnitude - lower if lower and p.along is not None else p.magnitude
         return (p, y) if lower is None else (replace(p, magnitude=own), replace(y))
 
-    def proved(p: Problem, y: State, until: float) -> Proved:
+    def proved(p: Problem, y: State) -> Proved:
         magnitude = -0.5 - p.wrench[2] if p.along is None else p.magnitude
         tried.append((pytest.approx(magnitude, abs=1e-12), p.along is not None))
         return Proved(abs(magnitude - shown) < 1e-9, False, "", 0.0)
