@@ -55,9 +55,10 @@ from handfast.measures.conic_program import smallest_forces
 from handfast.measures.measuring import measure_columns
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.body import Body
-from handfast.model.grasp import MAX_GRASP_SIZE, Contact, Grasp
+from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand import Hand
 from handfast.model.servo import servo_commands
+from handfast.proofs.grasp import MAX_GRASP_SIZE
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from handfast.simulation.result import Ending

@@ -15,7 +15,8 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, Link
-from handfast.model.shape import SIZE_COUNTS, Shape
+from handfast.model.shape import Shape
+from handfast.proofs.convex_solids import SIZE_COUNTS
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from tests.support.contact_cases import (

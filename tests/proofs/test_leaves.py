@@ -30,7 +30,8 @@ from handfast.proofs.leaves import (
     in_time,
 )
 from handfast.proofs.question import LARGEST_GOAL
-from handfast.proofs.rows import UNIT_ROUNDOFF, LeafRows, row_values, zeros
+from handfast.proofs.rows import LeafRows, row_values, zeros
+from handfast.proofs.tolerance import UNIT_ROUNDOFF
 from tests.support.proof_states import contact, pinch, question, unit
 
 

@@ -17,6 +17,7 @@ from handfast.core.schema import LEFT_OUT, InFiles, Vector3
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.mechanism import Mechanism
 from handfast.model.start import Start
+from handfast.proofs.grasp import MAX_GRASP_SIZE, MIN_LEVER
 
 if TYPE_CHECKING:
     from handfast.model.provenance import Provenance
@@ -24,10 +25,8 @@ if TYPE_CHECKING:
 NORMAL_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
 # 3 x contacts + joints + 2 x actuators + 2 x soft fingers of a grasp at most. The search names its unknowns, at most
 # this and 7, and the values that it bounds, at most this and 9 less two for each contact, by one byte
-MAX_GRASP_SIZE = 249
 SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
 NO_LENGTH = 1e-14  # relative: what rounding leaves of a length that is none
-MIN_LEVER = 1e-7  # [m] the ratio of torsional friction to friction is above this, and below its inverse
 
 
 def unit(v: object, field: str) -> Array:

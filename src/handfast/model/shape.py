@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import MAX_COORDINATE, rigid
+from handfast.proofs.convex_solids import SIZE_COUNTS
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
 Faces = NDArray[np.int64]  # (k, 3) indices of vertices
 Mesh = tuple[Array, Faces]  # with vertices (n, 3)
 
-SIZE_COUNTS = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
 RIM_POINTS = 16  # points that stand for the rim of a cylinder
 MIN_SOLID_SIZE = 1e-9  # [m] a solid smaller than this, or reaching further than `MAX_COORDINATE`, is in another unit
 

@@ -21,6 +21,7 @@ from handfast.model.grasp import Grasp
 from handfast.papers import mixed_integer_solvers
 from handfast.papers.friction_relaxation import Discretisation, Sector, polygon, relaxation
 from handfast.papers.mixed_integer import SOLVERS, Solver, SolverResult, SolverStatus
+from handfast.proofs.answers import END_TOLERANCE
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.max_query import max_goal, shown_maximum
@@ -28,13 +29,13 @@ from handfast.stability.answers.torques_query import posed_torques, shown_torque
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.objective import ANY_STATE, END_TOLERANCE, INF, Effort, Objective
+from handfast.stability.problem.objective import ANY_STATE, INF, Effort, Objective
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.problem.settings import MIN_SEARCH_TIME
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search.proof import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import exact_solution
-from handfast.stability.search.solve import MIN_SEARCH_TIME
 
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
 FIRST_FORCE_BOUND = 10.0  # (scaled) normal forces tried first when nothing else bounds them

@@ -27,10 +27,10 @@ from handfast.core.errors import InputError
 from handfast.core.libraries import silent
 from handfast.model.bernstein import PADDING, restrict
 from handfast.papers.canonical_system import Expanded, Patch
+from handfast.proofs.intervals import UNDERFLOW_BOUND
+from handfast.proofs.tolerance import UNIT_ROUNDOFF
 
-UNDERFLOW_BOUND = 1e-290  # more than underflow can lose
 INF = np.inf
-UNIT_ROUNDOFF = 2.0**-53
 MERGED = 9  # decimals to which two facets of a hull are one
 
 

@@ -24,13 +24,12 @@ from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
-from handfast.proofs.replay import Figure, Refused, Replay
+from handfast.proofs.replay import SEARCH_STOPS, Figure, Refused, Replay
 from handfast.proofs.states import ContactMode, Problem, State, read_state
 from handfast.proofs.tolerance import COMPLETE_CAP, drives, farthest, load_scale, motion_size
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
-SEARCH_STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
 COURSE_KEYS = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
 ANSWER_NOT_REPLAYED = f"{', '.join(COURSE_KEYS)}: the course of the search is recorded, and nothing rests on it"
 RESIDUAL_ROUNDING = 1e-12  # of residuals: they are made of it

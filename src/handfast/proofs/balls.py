@@ -11,7 +11,8 @@ from flint import arb, arb_mat, ctx
 
 from handfast.proofs.fields import Array
 from handfast.proofs.newton import BITS, NEWTON_ROUNDS, Box, System
-from handfast.proofs.states import UNIT_ROUNDOFF, Numbers
+from handfast.proofs.states import Numbers
+from handfast.proofs.tolerance import UNIT_ROUNDOFF
 
 number: Numbers = np.frompyfunc(arb, 1, 1)
 middle: Numbers = np.frompyfunc(arb.mid, 1, 1)

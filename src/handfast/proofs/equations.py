@@ -17,8 +17,8 @@ from flint import fmpq, fmpq_mat
 from handfast.proofs.fields import Array, Integers, Mask, rationals
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, Range
-from handfast.proofs.rows import UNIT_ROUNDOFF, Columns
-from handfast.proofs.tolerance import EPS, WORK, load_scale, slack_units
+from handfast.proofs.rows import Columns
+from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, WORK, load_scale, slack_units
 
 SEEMS = 1e-9  # relative: motions of a contact that are this near to dependent ones may be so
 ENTRY_ROUNDING = 64 * UNIT_ROUNDOFF  # relative error of an entry of G and J, of its sum of absolute values

@@ -19,7 +19,6 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.near import Near, near
 from handfast.proofs.newton import Box, NotShown, System
 from handfast.proofs.states import (
-    UNIT_ROUNDOFF,
     ContactMode,
     Modes,
     Part,
@@ -31,7 +30,7 @@ from handfast.proofs.states import (
     reaction_ends,
     sense,
 )
-from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL, motion_size
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL, UNIT_ROUNDOFF, motion_size
 
 # relative to the forces that act: how far the forces that are proved may be from the printed ones
 FORCE_DEVIATION = 1e-6

@@ -41,8 +41,8 @@ from flint import fmpq_mat
 from handfast.proofs.equations import ENTRY_ROUNDING, Equations, RightSide, power_near
 from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, rational, rationals, rounded
 from handfast.proofs.grasp import GraspData
-from handfast.proofs.rows import UNIT_ROUNDOFF
 from handfast.proofs.structural_rank import as_bits, fewer_columns, fewer_rows, fewest_lines
+from handfast.proofs.tolerance import UNIT_ROUNDOFF
 
 # relative: multipliers below the first are taken for 0, as they are most often rounding of a solver; where that shows
 # nothing, those below the second

@@ -22,8 +22,8 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from handfast.proofs.fields import Array, exact, floats, not_zero
-from handfast.proofs.states import UNIT_ROUNDOFF, ContactMode, Modes, Part, Problem, State, reaction_ends, sense
-from handfast.proofs.tolerance import EPS, WORK, motion_size
+from handfast.proofs.states import ContactMode, Modes, Part, Problem, State, reaction_ends, sense
+from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, WORK, motion_size
 
 # what is allowed, and what is bounded, with room for the rounding of bounds
 ALLOWED_SHARE, RESIDUAL_INFLATION = 1 - 1e-6, 1 + 1e-9

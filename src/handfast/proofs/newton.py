@@ -19,7 +19,8 @@ import numpy as np
 from flint import fmpq, fmpq_mat, fmpz_mat, nmod_mat
 
 from handfast.proofs.fields import Array, Integers, exact
-from handfast.proofs.states import UNIT_ROUNDOFF, ContactMode, Laws, Modes, Numbers, Part, Problem, Rows, State
+from handfast.proofs.states import ContactMode, Laws, Modes, Numbers, Part, Problem, Rows, State
+from handfast.proofs.tolerance import UNIT_ROUNDOFF
 
 NEWTON_ROUNDS = 5  # for a box
 BITS = 320  # of balls, see `balls`

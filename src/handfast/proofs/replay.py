@@ -10,6 +10,9 @@ from typing import Any
 Figure = float | int | bool | str | None
 
 
+SEARCH_STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
+
+
 class Refused(Exception):
     """Why a claim is not proved, in one line."""
 

@@ -33,12 +33,11 @@ from handfast.proofs.cases import (
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.kinds import CONE_WIDENING, TURN_DIRECTIONS, Row
 from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, Range
-from handfast.proofs.tolerance import EPS, load_scale
+from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, load_scale
 
 MAX_CHORD_SECTOR = (
     HALF_TURN - TURN_DIRECTIONS // 128
 )  # of a sector whose chord is used: nearly half a turn, it would say nothing
-UNIT_ROUNDOFF = 2.0**-53  # relative error of one rounded operation
 
 ROW_KINDS = frozenset(int(row) for row in Row)
 OF_CONTACT = np.isin(np.arange(32), [k for k in ROW_KINDS if k <= Row.STILL_2_DOWN or Row.ENERGY < k < Row.S_DOWN])

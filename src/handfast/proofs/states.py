@@ -31,11 +31,10 @@ from flint import fmpq
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, rational, rounded
 from handfast.proofs.grasp import GraspData, StartData
 from handfast.proofs.question import Question
-from handfast.proofs.tolerance import EPS, load_scale
+from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, load_scale
 
 Numbers = Callable[[Any], Any]  # from floats to arrays of floats, balls or rational numbers
 
-UNIT_ROUNDOFF = 2.0**-53
 NO_ROW = np.zeros(1)
 ZERO_TOLERANCE = 1e-9  # relative to the forces that act: motions and forces that may be none
 

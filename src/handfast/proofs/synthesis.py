@@ -22,11 +22,10 @@ from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
 from handfast.proofs.pose_by_pose import impossible_at_every_pose
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import SEARCH_STOPS, Refused, Replay
 from handfast.proofs.tasks import TaskData, read_task
 
 VERDICTS = "found", "none", "undecided"
-SEARCH_STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
 RADIAN_LENGTH = 0.1  # [m] that counts as much as a radian in the distance of configurations
 SYNTHESIS_COURSE = "the course of the search: starts, boxes and seconds"
 NAMES_CLAIM = "that the task's numbers are those of the hand and of the object that it names"

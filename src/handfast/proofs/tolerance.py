@@ -19,6 +19,7 @@ from handfast.proofs.fields import Array
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 
+UNIT_ROUNDOFF = 2.0**-53  # relative error of one rounded operation
 EPS = 1e-9
 WORK = 1e-6
 MIN_FORCE_SCALE = 1e-100  # [N] nothing is proved of smaller scales: roundings of their products are not in proportion

@@ -15,9 +15,10 @@ from handfast.core.arrays import Array
 from handfast.core.errors import FaultsOf, kinds_checked, unknown_name
 from handfast.core.files import Strict, Vector, parse_json, read_named, validate, write_text
 from handfast.core.schema import LEFT_OUT, InFiles, written
-from handfast.model.grasp import MAX_GRASP_SIZE, Contact, Grasp, GraspJoint
+from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.provenance import Provenance
+from handfast.proofs.grasp import MAX_GRASP_SIZE
 
 Many = Field(max_length=MAX_GRASP_SIZE)  # what is longer is refused before anything is made of it; `Grasp` looks closer
 

@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
+from handfast.proofs.synthesis import RADIAN_LENGTH
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_groups import POSE
 
-RADIAN_LENGTH = 0.1  # [m] that counts as much as a radian
 DISTINCT_DISTANCE = 1e-3  # configurations nearer than this are the same one
 
 

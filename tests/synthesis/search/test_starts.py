@@ -7,7 +7,8 @@ import pytest
 
 from handfast.core.answer import Reach, Stop
 from handfast.model.region import Cap
-from handfast.synthesis.distance import DISTINCT_DISTANCE, RADIAN_LENGTH, farthest, features, features_of
+from handfast.proofs.synthesis import RADIAN_LENGTH
+from handfast.synthesis.distance import DISTINCT_DISTANCE, farthest, features, features_of
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import START_BLOCK, Starts, Walks
 from handfast.synthesis.task_problem import TaskProblem

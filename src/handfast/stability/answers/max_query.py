@@ -12,6 +12,7 @@ import numpy as np
 from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
+from handfast.proofs.answers import END_TOLERANCE
 from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.existence import MODE_TRIES, Proved, nearby
@@ -25,14 +26,7 @@ from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import (
-    ANY_STATE,
-    END_TOLERANCE,
-    INF,
-    LARGEST_MAGNITUDE,
-    SMALLEST_PRELOAD,
-    Objective,
-)
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
 from handfast.stability.problem.witness import Witness

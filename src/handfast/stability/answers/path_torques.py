@@ -22,8 +22,8 @@ from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.objective import ANY_STATE, INF
-from handfast.stability.problem.settings import OnStep, Progress, Settings
-from handfast.stability.search.solve import MIN_SEARCH_TIME, clock_of
+from handfast.stability.problem.settings import MIN_SEARCH_TIME, OnStep, Progress, Settings
+from handfast.stability.search.solve import clock_of
 
 LEVEL_FACTORS = 1.00001, 1.001, 1.02, 1.25, 2.0  # above the level at which a path ends
 FIRST_LEVEL = 10.0  # times the load: a level to begin with where nothing else is known

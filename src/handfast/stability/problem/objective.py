@@ -28,7 +28,6 @@ INF = float("inf")
 COMMAND_END_FACTOR = 1e3
 HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
 STRONGEST = 1e3  # (scaled) commands that are sought go as far
-END_TOLERANCE = 1e-6  # relative: what is so near the end of a search is at it
 NO_MAGNITUDE = 1e-10  # magnitudes, in other forces in play, that count as none
 NO_COMMAND = 1e-8  # (scaled) by which commands may differ that count as the same
 

@@ -9,6 +9,7 @@ from typing import Literal
 from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.core.parallel import default_jobs as default_jobs
 
+MIN_SEARCH_TIME = 1e-3  # [s] that a search has where no time is left
 INF = float("inf")
 Loading = Literal["together", "preload-first"]  # commands and load at once, or first the commands, then the load
 

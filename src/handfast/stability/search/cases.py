@@ -14,10 +14,12 @@ from handfast.stability.search.rows import (
     ABOVE,
     BELOW,
     CLOSED,
+    FINEST_PATCH,
     FREE,
     HIGH,
     LOCKED,
     LOW,
+    MIN_SECTOR_WIDTH,
     MOVES,
     OPEN,
     SLIDE,
@@ -27,8 +29,6 @@ from handfast.stability.search.rows import (
 )
 
 REST_STATES = {FREE: LOCKED, BELOW: LOW, ABOVE: HIGH}  # of actuators that are not decided: the case besides MOVES
-FINEST_PATCH = 1 << 30  # patches from this number on stay as they are
-MIN_SECTOR_WIDTH = 64  # sectors that are no wider than this, in grid steps, stay as they are
 
 
 def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[int, list[Indices]]:

@@ -12,10 +12,11 @@ import numpy as np
 from handfast.core.answer import SearchLimits, Stop
 from handfast.core.arrays import Array
 from handfast.core.parallel import default_jobs
+from handfast.proofs.answers import END_TOLERANCE
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import ANY_STATE, END_TOLERANCE, INF, LARGEST_MAGNITUDE, Objective, Range
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
-from handfast.stability.problem.settings import OnStep, Progress, Settings
+from handfast.stability.problem.settings import MIN_SEARCH_TIME, OnStep, Progress, Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
 from handfast.stability.search.bounded_motion import FIRST_HELP_NODES, Capped
@@ -23,16 +24,14 @@ from handfast.stability.search.certificate_polish import Rays
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.proof import Outcome, Proof
 from handfast.stability.search.reduced import Reduced, reduce
-from handfast.stability.search.search import Search, exact_solution
+from handfast.stability.search.search import WITNESS_INSET, Search, exact_solution
 
 FINER_GAPS = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
-MIN_SEARCH_TIME = 1e-3  # [s] in the time that is left, or this
 # share of the time for the search itself where a number is sought: what waits is closed, and the proof is replayed, in
 # the rest; that takes as long as the search
 SEARCHING, REPLAYED = 0.9, 0.5
 BEST, FIRST_TURN_NODES = 3, 2048  # searches that go on in turn where no box does well, and nodes of their first turn
 SPLIT_ROUNDS = 8  # in which leaves that are not proved without a cap are split
-WITNESS_INSET = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
 REPORT_INTERVAL = 0.05  # [s] between two reports of progress
 
 

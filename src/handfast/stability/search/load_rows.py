@@ -43,7 +43,7 @@ from handfast.stability.search.reduced import (
     pseudo_inverse,
     reduce,
 )
-from handfast.stability.search.search import SLICE_NODES, SPARE, SearchWorker
+from handfast.stability.search.search import SLICE_NODES, SPARE, WITNESS_INSET, SearchWorker
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,7 +283,6 @@ class Template:
 
 # --- the kernel's run over such rows ------------------------------------------------------------
 
-WITNESS_INSET = 1e-3  # of the gap, as in `engine`
 BUDGET = 2048  # nodes that are expanded for one question before it is left to a whole search
 STARTING_BOXES = 2  # boxes where its programs begin
 REMEMBERED_LOADS = 8  # loads before, whose states are tried first

@@ -45,6 +45,7 @@ SIDE_SHIFT = 40  # place of the side in an id, whose patch is below it
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = (int(x) for x in ContactState)
 FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = (int(x) for x in ActuatorState)
 
-
+MIN_SECTOR_WIDTH = 64  # sectors that are no wider than this, in grid steps, stay as they are,
+FINEST_PATCH = 1 << 30  # and so do patches of soft fingers from this number on
 KIND_SHIFT, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0
 NODE = (1 << INDEX) - 1

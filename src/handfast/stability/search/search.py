@@ -32,6 +32,7 @@ from handfast.stability.search.arrays import (
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.reduced import Reduced
 
+WITNESS_INSET = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
 CLOSING_MARGINS = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
 CLOSING_NODES = 4096  # nodes that are closed between two looks at the clock
 SLICE_NODES = 64  # nodes that a worker expands between two looks at the clock and at the other worker,

@@ -10,12 +10,11 @@ from handfast.model.grasp import Grasp
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
-from handfast.stability.problem.settings import OnStep, Settings
+from handfast.stability.problem.settings import MIN_SEARCH_TIME, OnStep, Settings
 from handfast.stability.search.proof import Outcome
 
 ANY_STATE_GAP = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
 ANY_STATE_NODES = 4096  # nodes at most
-MIN_SEARCH_TIME = 1e-3  # [s] that a search has where no time is left
 
 
 def solve(p: ScaledProblem, goal: Objective, settings: Settings, on_progress: OnStep | None, **hints: Any) -> Outcome:

@@ -39,8 +39,8 @@ from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.scaled_problem import unbalanced
-from handfast.stability.problem.settings import Loading, Settings
-from handfast.stability.search.solve import MIN_SEARCH_TIME, compiled
+from handfast.stability.problem.settings import MIN_SEARCH_TIME, Loading, Settings
+from handfast.stability.search.solve import compiled
 from handfast.stability.studies.margin_search import OnSample
 
 A = TypeVar("A", bound=Answer)

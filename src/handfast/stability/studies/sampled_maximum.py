@@ -20,12 +20,13 @@ from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.presented import Presented
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Contact, Grasp
+from handfast.proofs.question import MAX_ETA
 from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.answers.batch_answer import INTERRUPTED
 from handfast.stability.answers.max_query import ask as maximum
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.grasp_limits import MAX_ETA, GraspLimits
+from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import OnItem, max_many
 

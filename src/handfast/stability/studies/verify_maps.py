@@ -13,10 +13,10 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.proofs import path_steps
-from handfast.proofs.answers import SEARCH_STOPS, VERDICTS
+from handfast.proofs.answers import VERDICTS
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields, number, numbers
 from handfast.proofs.question import MAX_ETA
-from handfast.proofs.replay import Replay
+from handfast.proofs.replay import SEARCH_STOPS, Replay
 from handfast.readers import grasp_file
 from handfast.stability.problem.grasp_limits import AskedWith, GraspLimits
 from handfast.stability.problem.settings import INF

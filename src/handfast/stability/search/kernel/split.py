@@ -17,10 +17,12 @@ from handfast.stability.search.rows import (
     ABOVE,
     BELOW,
     CLOSED,
+    FINEST_PATCH,
     FREE,
     HIGH,
     LOCKED,
     LOW,
+    MIN_SECTOR_WIDTH,
     MOVES,
     OPEN,
     SLIDE,
@@ -30,15 +32,13 @@ from handfast.stability.search.rows import (
 )
 
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
-MIN_SECTOR_WIDTH = 64  # sectors narrower than this, in grid steps, are not split,
-MIN_FINE_SECTOR = 4.0  # or in proportion where the tolerance of cones is finer, but none narrower than this
-COARSE_SECTOR = (
-    TURN_DIRECTIONS // 256
-)  # and where nothing is violated, so that Newton's method should have succeeded, none below this
+# in place of MIN_SECTOR_WIDTH, in proportion, where the tolerance of cones is finer: but none below this
+MIN_FINE_SECTOR = 4.0
+# and none below this where nothing is violated, so that Newton's method should have succeeded
+COARSE_SECTOR = TURN_DIRECTIONS // 256
 CONE_TOLERANCE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
 CONE_GAP_SHARE = 1e-3  # or by this share of a smaller gap,
 MIN_CONE_TOLERANCE = 2e-9  # but not by less: rows are met to 1e-9
-FINEST_PATCH = 1 << 30  # patches of soft fingers from this number on are not split
 # cosine of an angle; no sector below is parted; no direction of less
 PARTING_COSINE, EIGHTH, MIN_SLIDE = 0.5, TURN_DIRECTIONS // 8, 1e-9
 DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
