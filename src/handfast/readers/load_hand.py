@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,7 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
     return _with_srdf(hand, Path(srdf), strict=root is None) if srdf else hand
 
 
+@cache  # our own files, which stay as they are; a hand cannot be changed
 def _bundled(name: str) -> Hand:
     if name.startswith(TABLE_1_PREFIX):
         return replace(table_1_hand(name.removeprefix(TABLE_1_PREFIX)), source=name)
