@@ -118,13 +118,11 @@ def test_only_what_holds_has_a_margin() -> None:
     assert why_fragile(pinch(), slips, NO_LIMITS, Settings()) is None
 
 
-@pytest.mark.parametrize(
-    ("degrees", "why"), [(1.2, ("friction", "tilt")), (2.4, ("tilt",)), (2.6, ()), (3.9, ()), (4.1, ())]
-)
+@pytest.mark.parametrize(("degrees", "why"), [(2.4, ("tilt",)), (2.6, ())])
 def test_why_a_grasp_is_fragile_takes_less_than_its_margin(
     degrees: float, why: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A block that slides with all normals tilted so far: on both sides of 2.5 degrees, and of those that are tried."""
+    """A block that slides with all normals tilted so far: on both sides of 2.5 degrees."""
     grasp, wrench = slope(np.arctan(0.5) - np.radians(degrees), 0.5, 1)
     count: list[object] = []
 
@@ -135,7 +133,7 @@ def test_why_a_grasp_is_fragile_takes_less_than_its_margin(
     ask = margin_search.check
     monkeypatch.setattr(margin_search, "check", counted)
     assert why_fragile(grasp, wrench, NO_LIMITS, Settings()) == why
-    assert len(count) < 30  # 39 to 52 for the margin
+    assert len(count) < 30  # 46 and 49 for the margin
 
 
 def test_more_friction_can_slip() -> None:
