@@ -302,6 +302,21 @@ def test_how_far_a_cap_has_to_be(
     assert bool(answers.cap_fault(q, cap, 1.0, np.zeros(6))) == bool(fault)
 
 
+def test_a_bound_is_beyond_what_its_own_witness_moves_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(
+        answers, "refuted", lambda *args: asked.append(args) or Replay("", "", "", {"motion_cap": None})
+    )
+    data = answers.read_answer(saved("max"))
+    for one in (data, replace(data, witness=None)):
+        answers._certificate(one, answers.QUERIES["max"])
+    assert data.witness is not None
+    (*_, motion, complete), (*_, none, _) = asked
+    assert motion.tolist() == data.witness.state.motion.tolist()
+    assert none is None
+    assert complete
+
+
 @pytest.mark.parametrize(("at", "within"), [(0.0, True), (1.0, True), (-1.0, False), (2.0, False), (None, False)])
 def test_a_limit_lies_between_the_bounds(at: float | None, within: bool) -> None:
     data = saved("max")

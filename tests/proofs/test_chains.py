@@ -14,7 +14,7 @@ from handfast.core.arrays import Array
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
-from handfast.proofs.chains import LINK_ROTATION_ERROR, Arms, Drive, JointStep, Pose, orthonormal
+from handfast.proofs.chains import LINK_ROTATION_ERROR, Arms, Drive, JointStep, Pose, joint_rates, orthonormal
 from handfast.proofs.contact_equations import rotations
 from handfast.proofs.fields import Fields
 from handfast.proofs.intervals import MACHINE_EPSILON, UNDERFLOW_BOUND, Dual, Interval, crossing
@@ -70,6 +70,17 @@ def test_a_fixed_joint_may_miss_its_coupling_by_rounding(off: float, size: float
     assert drive.shift.lo[1] <= min(mine, its)
     assert max(mine, its) <= drive.shift.hi[1]
     assert not drive.gain.mag.any()
+
+
+def test_coupled_joints_move_as_their_driver_does() -> None:
+    """c = -1.5 b, b = 2 a, and d stays where it is whatever a does; what is said of these does not count."""
+    joints = [joint(name, Z, -1.0, 1.0) for name in "abcd"]
+    couplings = [Coupling(1, 0, 2.0, 0.0), Coupling(2, 1, -1.5, 0.1), Coupling(3, 0, 0.0, 0.2)]
+    hand = chain(("near", "palm", pose(0.1 * X), joints), couplings=couplings)
+    rates = joint_rates(data_of(touched(hand, "near")).hand, np.array([[1.0, 7, 7, 7], [0.0, 7, 7, 7]]))
+    np.testing.assert_allclose((rates.lo + rates.hi) / 2, [[1, 2, -3, 0], [0, 0, 0, 0]], rtol=1e-14)
+    assert rates.ends[0, 3].tolist() == [0, 0]
+    assert not rates.ends[1].any()
 
 
 @pytest.mark.parametrize("off", [18.0, -18.0, 160.0, -1600.0])

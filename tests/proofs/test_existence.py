@@ -667,6 +667,7 @@ TRIED = [(0.5, True), (0.5, True), (0.5 - 1e-5, False), (0.5 - 1e-3, False), (0.
         (0.491, 0.009, [(0.491, True)], 0.491),  # where Newton's method leads
         (0.489, 0.011, TRIED[1:], None),  # by more than a tenth of 0.1
         (0.0, None, [], None),  # it fails
+        (0.499, np.inf, TRIED[1:4], 0.499),  # with the magnitude as an unknown
     ],
 )
 def test_which_magnitudes_are_tried_near_one_that_is_not_shown(monkeypatch, shown, lower, asked, found):
@@ -676,7 +677,8 @@ def test_which_magnitudes_are_tried_near_one_that_is_not_shown(monkeypatch, show
 
     def solved(p: Problem, y: State) -> tuple[Problem, State]:
         own = p.magnitude - lower if lower and p.along is not None else p.magnitude
-        return (p, y) if lower is None else (replace(p, magnitude=own), replace(y))
+        fails = lower is None or (lower == np.inf and p.along is not None)
+        return (p, y) if fails else (replace(p, magnitude=own), replace(y))
 
     def proved(p: Problem, y: State) -> Proved:
         magnitude = -0.5 - p.wrench[2] if p.along is None else p.magnitude

@@ -682,17 +682,18 @@ def test_friction_at_rest_is_off_on_a_curve_where_it_is_at_one_end() -> None:
 
 
 @pytest.mark.parametrize(("stop", "sense"), [("lower", 1.0), ("upper", -1.0)])
-@pytest.mark.parametrize("reaction", [0.3, -0.3])
-def test_friction_of_a_joint_away_from_its_stop_is_its_own(stop: str, sense: float, reaction: float) -> None:
-    """It had left it by 2 N, and rests there: the load is as it is without a stop."""
-    side = np.sign(reaction)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("push", [0.3, 0.6])
+def test_friction_of_a_joint_away_from_its_stop_is_its_own(stop: str, sense: float, side: float, push: float) -> None:
+    """It had left it by 2 N, and rests there: it takes 0.5 N in either sense, as without a stop."""
     joints = [slide("b", [side, 0, 0], 0, stop=stop, friction=0.5), slide("free", [0, 1, 0], friction=0.5)]
     grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ()))
-    state = {"r": [-0.3, 0, 0, 0, 0, 0], "forces": [[0.3, 0, 0]], "reaction": [reaction, 0.0]}
-    p, x = asked(grasp, [-0.3, 0, 0, 0, 0, 0], state)
+    state = {"r": [-push, 0, 0, 0, 0, 0], "forces": [[push, 0, 0]], "reaction": [side * push, 0.0]}
+    p, x = asked(grasp, [-push, 0, 0, 0, 0, 0], state)
     p = replace(p, grasp=p.grasp.with_start(StartData(np.zeros(1), np.array([2.0, 0.0]), np.zeros(0))))
     found = near(p, x)
-    assert (found.shown, found.modes.joint.tolist()) == (True, [Part.RESTS, Part.RESTS])
+    assert found.modes.joint.tolist() == [Part.RESTS, Part.RESTS]
+    assert found.missed * p.granted == pytest.approx(max(push - 0.5, 0.0), rel=1e-6, abs=1e-12)
     assert sense * p.grasp.stops_left[0] == 2
 
 
@@ -728,3 +729,26 @@ def test_no_number_is_no_small_fault() -> None:
 def test_least_lengths_of_vectors_beside_others_are_those_alone() -> None:
     a = np.array([[[3.0, 4], [1, 0], [1, 0]], [[3, 4], [0, 1], [-1, 0]]])
     assert least_norm(a) == pytest.approx([5, np.sqrt(0.5), 0])
+
+
+@pytest.mark.parametrize("law", ["locked", "commanded", "friction", "coupled"])
+@pytest.mark.parametrize("which", [0, 1])
+def test_each_of_two_joints_is_held(law: str, which: int) -> None:
+    """Motors, friction or couplings hold fingers under contacts at 1 cm along y: one is said to be 1/4 from there.
+
+    The object turns with it, so that both contacts press with 1 N; of a finger that is held one does so by 1/4 less.
+    """
+    contacts = [Contact([0, y, 0], [1, 0, 0], 0.0) for y in (0.01, -0.01)]
+    friction = {"friction": 2.0} if law == "friction" else {}
+    joints = [slide(name, [1, 0, 0], k, **friction) for k, name in enumerate("ab")]
+    none, two = np.zeros((0, 2)), np.eye(2)
+    motors = Mechanism(("a", "b"), two, none, (False, False))
+    held = {"friction": Mechanism((), none, none, ()), "coupled": Mechanism((), none, two, ())}.get(law, motors)
+    grasp = Grasp(contacts, joints, held, {"a": 0.5, "b": 0.5} if law == "commanded" else {})
+    own = {"friction": "reaction", "coupled": "coupling"}.get(law, "f")
+    state = {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]] * 2, own: np.ones(2)}
+    p, x = asked(grasp, [-2, 0, 0, 0, 0, 0], state)
+    assert near(p, x).shown
+    turned = np.array([-1 + 1 / 8, 0, 0, 0, 0, [-12.5, 12.5][which]])
+    found = near(p, replace(x, q=two[which] / 4, r=turned))
+    assert found.missed * p.granted == pytest.approx(0.25)

@@ -349,6 +349,9 @@ def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said()
     assert fine(preload, (0.0, 1.0), 1.0)
     assert not fine(preload, (0.0, 1.0), 0.999)
     assert not fine(preload, (0.0, np.inf), 1.0)
+    energy, zero = np.full(2, Row.ENERGY), np.zeros(2, np.int64)
+    two = LeafRows(energy, np.arange(2), zero, zero, zero, np.array([[1.0, 1.0, 0.999], [1.0, 1.0, 1.0]]))
+    assert legal(preload, (0.0, 1.0), two, none).tolist() == [False, True]  # each by its own reference
     locked = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"friction": 0.1}], **direction)
     none = np.zeros((1, 2 + locked.actuators, 3), dtype=np.int64)
     assert fine(locked, (0.0, np.inf), 0.0)  # friction takes, however large it is
