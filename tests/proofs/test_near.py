@@ -396,6 +396,24 @@ def test_what_is_off_of_the_load_counts_at_any_end_of_a_curve(part: int, where: 
         assert (found.where, found.missed) == (where, pytest.approx(D, rel=1e-4))
 
 
+def test_a_torque_that_is_missing_does_work_as_the_object_turns() -> None:
+    """Of 2 h D, D = 1e-10, about the normals of contacts at h and -h, where it turns by 8000 N / h: 4e-7 of (2 N)^2."""
+    h = 2.0**-7
+    contacts = [Contact([0, y, 0], [1, 0, 0], 0.0) for y in (h, -h)]
+    state = {"r": [-1, 0, 0, 8000 / h, 0, 0], "forces": [[1, 0, 0]] * 2}
+    found = near(*asked(Grasp(contacts, []), [-2, 0, 0, 2 * h * D, 0, 0], state))
+    assert (found.where, found.missed) == ("the work of what (1) and (2) miss", pytest.approx(4e-10, rel=1e-5))
+
+
+def test_friction_that_does_not_oppose_the_slip_is_none_by_the_principle_alone() -> None:
+    """The same state without the dissipation principle, which leaves friction its cone, and with it."""
+    state = {"r": [-1, 1, 0, 0, 0, 0], "forces": [[1, 0.1, 0]]}
+    p, x = asked(Grasp([Contact([0, 0, 0], [1, 0, 0], FRICTION)], []), [-1, -0.1, 0, 0, 0, 0], state)
+    assert not near(p, x).shown
+    found = near(replace(p, mdp=False), x)
+    assert (found.shown, Kind(found.modes.contact[0])) == (True, Kind.RUBS)
+
+
 def test_an_object_that_turns_about_its_contact_does_no_work_there() -> None:
     """A part in 1e10 of the load is missing at a contact that stays where it is."""
     place, turn = np.array([0.3, -0.2, 0.5]), np.array([1e6, 0, 0])
