@@ -183,10 +183,10 @@ class Answer(Presented, ABC):
 
         Of the state that moves least instead, where that one is proved in its likeliest modes and the other is not.
         """
-        if self.found is None or self.posed is None or "_of_found" in self.__dict__:
+        if self.found is None or self.posed is None or "_of_found" in self.__dict__ or not self._may_move_less:
             return self
         known = self._proved(self.found, tries=1)
-        if not known.exact and self._may_move_less:
+        if not known.exact:
             least = self._proved(self._least, tries=1)
             if least.exact and self._reaches(least):
                 out = replace(self, found=self._least)
