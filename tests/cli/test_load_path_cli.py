@@ -9,7 +9,7 @@ import pytest
 
 from handfast import load_grasp
 from handfast.readers import grasp_file
-from tests.stability.answers.test_load_path import jaw
+from tests.support.jaws_on_paths import jaw
 from tests.support.program import run
 
 FIRST = "--loading", "preload-first"

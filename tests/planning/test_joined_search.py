@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,26 +15,19 @@ from handfast import InputError, Reach, Stop, Task, grasp_for, load_hand, synthe
 from handfast.cli import main
 from handfast.cli.grasp import joined_text
 from handfast.core.arrays import Array
-from handfast.core.transforms import matrix_quaternion, quaternion_matrix, transform
-from handfast.geometry.collision import Collisions
-from handfast.geometry.scene import Scene, rest_overlaps
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.body import Body
 from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.planning.evaluation.evaluator import requests
-from handfast.planning.grasp_for import motors_of
-from handfast.planning.joined_search import NO_CLAIM, ContactSetSearch, JoinedSearch
-from handfast.planning.no_balance import NoBalance
-from handfast.planning.question import Allowed, PlanLimits
+from handfast.planning.joined_search import NO_CLAIM, ContactSetSearch
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify import proved_grasps
-from handfast.proofs.convex_solids import SolidsData
-from handfast.proofs.discarded_boxes import Boxes, replay_no_grasp
-from handfast.proofs.fields import Fields, Integers
+from handfast.proofs.discarded_boxes import Boxes
+from handfast.proofs.fields import Integers
 from handfast.proofs.intervals import Interval
 from handfast.proofs.posed_boxes import OBJECT_LINK, ContactBoxes
-from handfast.proofs.replay import Replay
 from handfast.proofs.tasks import read_task
 from handfast.proofs.unbalanced import BoxBounds
 from handfast.stability.problem.loads import Loads
@@ -43,53 +35,7 @@ from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds
 from tests.support.forged_grasps import renew
 from tests.support.holds import grip, pinch, square
-
-LIGHT = Loads.wrench([0, 0, -0.5, 0, 0, 0])
-
-
-def block(size: Any, at: Any) -> Shape:
-    return Shape("box", size, transform(np.array(at, dtype=float), np.eye(3)))
-
-
-def walled(gap: float, width: float = 0.05, half: float = 0.04) -> Body:
-    """The block of `grip`, and a wall before the side that the left finger is to touch."""
-    wall = block((2 * half, 0.02, 2 * half), (0, width / 2 + gap + 0.01, 0))
-    return Body.of([block((0.03, width, 0.03), (0, 0, 0)), wall], name="walled", mass=0.1)
-
-
-def collisions_of(task: Task, body: Body) -> Collisions:
-    scene = Scene(task.hand, body)
-    return Collisions(scene, cutoff=1e-3, at_rest=rest_overlaps(scene, at_zero=True))
-
-
-def joined(
-    task: Task,
-    body: Body,
-    loads: Loads = LIGHT,
-    friction: float = 0.8,
-    saved: Any = None,
-    depth: float = 1e-3,
-    limits: PlanLimits | None = None,
-    torsion: float = 0.0,
-) -> JoinedSearch:
-    """Without what limits of torques say of forces at the contacts alone."""
-    balance = NoBalance(task, loads, friction, center=np.zeros(3), torsion=torsion)
-    motors = motors_of(task, limits or PlanLimits())
-    return JoinedSearch(task, collisions_of(task, body), Allowed(depth, depth, depth), balance, motors, saved=saved)
-
-
-def replayed(
-    search: JoinedSearch, task: Task, proof: Any = None, solids: Any = None, limits: PlanLimits | None = None
-) -> Replay:
-    """As a file: through JSON, and with nothing of the search."""
-    told = search.searched
-    assert told is not None
-    proof, solids = (json.loads(json.dumps(a or b)) for a, b in ((proof, told.proof), (solids, told.solids)))
-    data = read_task(task_to_dict(task))
-    balance = search.sets[-1].balance
-    read = SolidsData.read(Fields(solids), [link.name for link in data.hand.links])
-    motors = motors_of(task, limits or PlanLimits())
-    return replay_no_grasp(data, read, balance.placements, balance.names, motors, Fields(proof))
+from tests.support.joined_searches import LIGHT, block, collisions_of, coordinates, drawn, joined, replayed, walled
 
 
 def weights(center: Any, mass: float = 0.1) -> Loads:
@@ -205,30 +151,6 @@ def test_sides_are_those_of_the_nearest_reason_and_the_cheap_one_comes_first() -
 
 
 # --- where links stand ----------------------------------------------------------------------------------
-
-
-def coordinates(contacts: ContactBoxes, task: Task, q: Array, pose: Array, contact: Array) -> tuple[Array, int]:
-    """(n,) and the chart of a configuration; contact: parameters of the regions in their order."""
-    first = task.hand.link_poses(q)[contacts.task.links[0]]
-    quaternion = matrix_quaternion(first[:3, :3].T @ pose[:3, :3])
-    chart = int(np.abs(quaternion).argmax())
-    joints = q[list(contacts.task.free)]
-    return np.concatenate([joints, np.delete(quaternion, chart) / quaternion[chart], contact]), chart
-
-
-def drawn(
-    task: Task, contacts: ContactBoxes, rng: np.random.Generator, count: int
-) -> Iterator[tuple[Array, int, Array, Array]]:
-    """Configurations in which a single cap touches: coordinates and chart, joints, the object's pose."""
-    hand, (low, high) = task.hand, contacts.root.T
-    x, charts = low + (high - low) * rng.random((count, len(low))), rng.integers(4, size=count)
-    at = contacts.at(Interval.of(x), charts, 0)
-    rows = at.rows.value.mid
-    for n in np.flatnonzero((rows >= contacts.low - 1e-9).all(axis=1) & (rows <= contacts.high + 1e-9).all(axis=1)):
-        q = hand.configuration({hand.joints[j].name: x[n, k] for k, j in enumerate(contacts.task.free)})
-        R, p = at.object.rotation.value.mid[n], at.object.place.value.mid[n]
-        there = transform(p - R @ at.contact.value.mid[n], R)
-        yield x[n], int(charts[n]), q, hand.link_poses(q)[contacts.task.links[0]] @ there
 
 
 def cap_of(name: str) -> Task:

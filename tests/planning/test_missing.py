@@ -17,8 +17,8 @@ from handfast.planning.no_balance import NoBalance
 from handfast.proofs.discarded_boxes import Boxes
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.posed_boxes import OBJECT_LINK
-from tests.planning.test_joined_search import LIGHT, joined, walled
 from tests.support.holds import grip
+from tests.support.joined_searches import LIGHT, joined, walled
 
 
 def searched(gap: float, boxes: int) -> ContactSetSearch:

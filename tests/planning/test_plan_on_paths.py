@@ -13,7 +13,7 @@ from handfast.planning.question import PlanLimits, PlanOptions, TaskGraspOptions
 from handfast.readers.load_hand import load_hand
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
-from tests.stability.answers.test_load_path import FIRST, jaw
+from tests.support.jaws_on_paths import FIRST, jaw
 
 ALONG = PlanLimits(loading=FIRST)
 LOADS = Loads(("back",), [[-0.6, 0.6, 0, 0, 0, 0]])

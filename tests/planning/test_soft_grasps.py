@@ -39,11 +39,11 @@ from handfast.proofs.unbalanced import replay_unbalanced
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair
-from tests.planning.test_joined_search import collisions_of
 from tests.planning.test_no_balance import cut_around
-from tests.proofs.test_few_contacts import BALL, held, stone
 from tests.support.forged_grasps import refusals, renew
+from tests.support.held_bodies import BALL, held, stone
 from tests.support.holds import grip, pinch, square
+from tests.support.joined_searches import collisions_of
 
 MU, TORSION, WEIGHT = 0.5, 0.004, 0.1 * 9.81
 CENTERED = Body.of([Shape("box", (0.02, 0.05, 0.02))], mass=0.1, friction=MU)

@@ -30,9 +30,9 @@ from handfast.proofs.tasks import read_task
 from handfast.proofs.unbalanced import Motions
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import task_to_dict
-from tests.planning.test_joined_search import coordinates, drawn, joined, replayed
 from tests.support.forged_grasps import renew
 from tests.support.holds import pinch
+from tests.support.joined_searches import coordinates, drawn, joined, replayed
 from tests.support.slow_cases import slow_after
 
 # the weight across the way of the pads: each pushes with W / (2 mu), 9.81 N

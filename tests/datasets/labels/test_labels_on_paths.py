@@ -18,7 +18,7 @@ from handfast.datasets.labels.labeller import Labelling, label
 from handfast.datasets.labels.questions import LargestLoad, Questions
 from handfast.readers.grasp_file import to_dict
 from handfast.stability.studies.questions import check
-from tests.stability.answers.test_load_path import FIRST, jaw
+from tests.support.jaws_on_paths import FIRST, jaw
 from tests.support.labelled import write_lines
 
 BACK = (-1.0, 1.0, 0.0)  # pushes the jaw back and across: together 1/2 of its command times this, on the path 2/3

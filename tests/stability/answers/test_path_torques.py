@@ -28,7 +28,7 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.search.path_bound import path_bound
 from handfast.stability.studies.batch import torques_many
 from handfast.stability.studies.questions import check, torques
-from tests.stability.answers.test_load_path import FIRST, jaw, padded
+from tests.support.jaws_on_paths import FIRST, jaw, padded
 from tests.support.problems import moved
 
 QUICK = Settings(gap=1e-2)

@@ -23,7 +23,7 @@ from handfast.stability.studies.hold import HoldAnswer
 from handfast.stability.studies.maps import sweep
 from handfast.stability.studies.questions import check, force_map, hold, maximum, torques
 from handfast.stability.studies.verify_maps import replay_sweep
-from tests.stability.answers.test_load_path import FIRST, MOTOR, jaw, padded
+from tests.support.jaws_on_paths import FIRST, MOTOR, jaw, padded
 
 QUICK = Settings(gap=1e-2)
 ALONG = {"loading": FIRST}

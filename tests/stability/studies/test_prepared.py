@@ -17,7 +17,7 @@ from handfast.stability.answers import answer as answer_module
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies import prepared as prepared_module
-from tests.stability.answers.test_load_path import jaw
+from tests.support.jaws_on_paths import jaw
 from tests.support.problems import bell, pinch, solved
 
 QUICK = Settings(verify=False)

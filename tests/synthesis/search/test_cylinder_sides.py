@@ -12,8 +12,8 @@ from handfast.model.region import Cap
 from handfast.synthesis.search.prover import Prover
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.planted import Planted, bump, chain, joint, plant, pose, turn
+from tests.support.synthesis_kernel import at, certified, coordinates, polynomials
 from tests.synthesis.search.test_prover import kept
-from tests.synthesis.search.test_synthesis_kernel import at, certified, coordinates, polynomials
 
 X, Y, Z = np.eye(3)
 

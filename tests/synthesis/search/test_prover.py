@@ -25,8 +25,8 @@ from handfast.synthesis.task_file import load_task
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip, pinch
 from tests.support.planted import bump
+from tests.support.synthesis_kernel import coordinates, everything
 from tests.support.synthesis_pieces import Turned, ask
-from tests.synthesis.search.test_synthesis_kernel import coordinates, everything
 
 TASKS = ("scalpel-handling", "teapot-service", "guitar-holding")
 
