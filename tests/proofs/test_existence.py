@@ -363,6 +363,27 @@ def test_boxes_in_floating_point_contain_the_solution_in_many_digits(family):
         assert (a_off / unit).max() < 1e-3 * max(p.scale, np.abs(x.c).max())
 
 
+@pytest.mark.parametrize("family", ["eta", "force limit", "coupling", "joint laws", "soft fingers"])
+def test_boxes_about_floats_that_are_off_contain_the_solution(family: str) -> None:
+    """What is off is that of all motions: the farthest of the solution is 1 / 1.2 of the way to the face of its box."""
+    p, x = held(*(got := of_family(family))[:2], **got[2])
+    modes, rng, nearest = likeliest(p, x), np.random.default_rng(0), []
+    there = System.of(p, modes, x, False).box()
+    for size in (1e-4, 1e-6, 1e-8):
+        for _ in range(3):
+            motion = x.motion + size * np.abs(x.motion).max() * rng.choice([-1, 0, 1], size=len(x.motion))
+            try:
+                box = System.of(p, modes, State.of(p.grasp, motion, x.forces(p.grasp)), False).box()
+            except NotShown:
+                continue
+            for name in ("v", "d", "phi"):
+                off = getattr(box, f"{name}_off") + getattr(there, f"{name}_off")
+                away = np.abs(getattr(box, name) - getattr(there, name))
+                assert (away <= off).all(), (name, size)
+                nearest.append(np.max(away / np.where(off > 0, off, 1.0)))
+    assert max(nearest) > 0.8
+
+
 @pytest.mark.parametrize("eta", [0.0, 0.2])
 def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     """Contacts that slide and turn, one at its limit: what Newton's test rests on, entry by entry."""

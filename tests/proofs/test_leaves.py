@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -384,6 +385,24 @@ def test_the_balance_of_energy_may_be_missed_in_rational_numbers_too():
         assert margin - least == pytest.approx(2 * (margin - less), rel=1e-6)
         found.rows = replace(found.rows, energy=~found.rows.energy)
     assert np.mean(changed) > 0.5
+
+
+def test_what_rounding_leaves_open_is_of_all_terms_of_a_sum() -> None:
+    """Of every row and every equality by its largest entry, whatever the sign; of unknowns that are put in all is 0."""
+    found, asked = systems(3, either=True), []
+    L, none = len(found.count), np.zeros((len(found.count), 0))
+
+    def bound(residual: Array) -> tuple[Array, Mask]:
+        asked.append(residual)
+        return none, np.ones(L, dtype=bool)
+
+    places = np.zeros((L, 0), dtype=np.int64)
+    found._enclosed([SimpleNamespace(places=places, leaves=np.arange(L), solution=lambda _: none, bound=bound)])  # type: ignore[list-item]
+    for leaf, (start, end) in enumerate(zip(found.rows.start, found.rows.start[1:], strict=False)):
+        size = sum(found.y[k] * found.largest[found.which[k]] for k in range(start, end))
+        size += sum(abs(v) * most for v, most in zip(found.v[leaf], found.E_largest, strict=True))
+        np.testing.assert_allclose(asked[0][leaf, found.equations.solved[1]], found.error * size, rtol=1e-6)
+    assert (found.v < 0).any()
 
 
 def test_efforts_are_put_in_from_the_balance_of_their_joint():

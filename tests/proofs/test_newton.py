@@ -1,7 +1,8 @@
-"""Ranks of rows that may depend on each other by structure, and parts that are between two modes."""
+"""Ranks of rows that may depend on each other by structure, parts between two modes, and what boxes allow for."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from handfast.proofs.newton import PRIME, Modes, between, greedy, spans
-from handfast.proofs.states import ContactMode, Part
+from handfast.proofs.newton import PRIME, Modes, NotShown, System, between, greedy, spans
+from handfast.proofs.states import ContactMode, Part, Problem
+from handfast.proofs.tolerance import UNIT_ROUNDOFF
+from tests.proofs.test_existence import held, likeliest, pivot, sliding
 
 
 @pytest.mark.parametrize(
@@ -67,3 +70,70 @@ def test_which_part_is_between_two_modes(contact: Any, full: Any, actuator: Any,
     arrays = (np.array(x, dtype=kind) for x, kind in ((contact, int), (full, bool), (actuator, int), (joint, int)))
     modes: Modes = SimpleNamespace(**dict(zip(("contact", "full", "actuator", "joint"), arrays, strict=True)))  # type: ignore[assignment]
     assert between(modes) == part
+
+
+def slides(more: Any = 0.0) -> tuple[Problem, System]:
+    """Three contacts slide, two stick; more: of the load than the state carries."""
+    p, x = sliding()
+    modes, p = likeliest(p, x), replace(p, wrench=p.wrench + more)
+    assert modes.contact.tolist() == [3, 3, 3, 2, 2]
+    return p, System.of(p, modes, x, False)
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_what_a_state_misses_is_relative_to_its_load(axis: int) -> None:
+    """0.25 N, or as much at the grasp's length."""
+    p, _ = slides()
+    p, system = slides(np.eye(6)[axis] * (0.25 if axis < 3 else 0.25 * p.grasp.size))
+    assert system.residual == pytest.approx(0.25 / p.scale, rel=1e-9)
+
+
+def test_derivatives_that_are_not_known_widen_a_box() -> None:
+    """Each by 0.01: the forces of contacts that slide, by motions which are uncertain together; by 10 there is none."""
+    _, system = slides()
+    rows, box = system.laws.rows[:3, :3], system.box()
+    wide = replace(system, K_off=system.K_off + 0.01).box()
+    by_motions = np.einsum("cij,cj->ci", np.abs(system.laws.K[:3, :3, :3]), wide.d_off[rows])
+    assert (wide.phi_off[rows] >= by_motions + 0.01 * wide.d_off[rows].sum(axis=1)[:, None]).all()
+    assert (wide.v_off > box.v_off).all()
+    with pytest.raises(NotShown, match="Newton's test fails"):
+        replace(system, K_off=system.K_off + 10.0).box()
+
+
+def test_every_sum_is_uncertain_by_a_rounding_of_its_terms() -> None:
+    p, system = slides()
+    rows, v, size = system.laws.rows, np.abs(system.v), p.grasp.rows[1]
+    assert (system.d_off >= UNIT_ROUNDOFF * (size @ v)).all()
+    rounded = UNIT_ROUNDOFF * np.abs(system.laws.force)
+    assert (system.phi_off[rows] >= rounded).all()
+    assert (system.box().phi_off[rows] >= rounded).all()
+    of_forces = size.T @ (UNIT_ROUNDOFF * np.abs(system.phi) + system.phi_off)
+    assert (system.value_off[: len(v)] >= of_forces + UNIT_ROUNDOFF * np.abs(np.r_[p.wrench, p.grasp.torque])).all()
+
+
+def test_an_equation_that_says_nothing_is_left_out() -> None:
+    """(2) of a swivel whose axis passes the fingertip is a row of zeros."""
+    grasp, load = pivot(0.0)
+    p, x = held(grasp, load)
+    system = System.of(p, likeliest(p, x), x, False)
+    assert system.used.tolist() == [0, 1, 2, 3, 4, 5, 7, 8, 9, 10]
+    assert system.A.shape == (10, 11)
+    assert system.regular
+
+
+def test_the_magnitude_is_an_unknown_of_the_balance() -> None:
+    """2.5 of a direction and the rest of the load: the same state, and derivatives by differences."""
+    p, x = sliding()
+    along = np.array([1.0, 0.5, 0.0, 0.0, 0.02, 0.0])
+    q = replace(p, wrench=p.wrench - 2.5 * along, along=along, magnitude=2.5)
+    system = System.of(q, likeliest(q, x), x, True)
+    assert system.residual < 1e-12
+    e, M = system.of_modes, p.grasp.rows[0]
+    start = np.concatenate([system.v, system.phi[e.unknown], [2.5]])
+    for k, one in enumerate(1e-4 * np.abs(start).clip(1e-3) * np.eye(len(start))):
+        there, back = (e.at(M, start + sign * one)[3] for sign in (1, -1))
+        np.testing.assert_allclose(system.A[:, k], (there - back) / (2 * one[k]), rtol=1e-4, atol=1e-4)
+    assert (system.columns[-1] * np.abs(along * p.grasp.column_units[:6])).max() == pytest.approx(1.0)
+    box = system.box()
+    assert box.magnitude == 2.5
+    assert 0 < box.magnitude_off < 1e-9

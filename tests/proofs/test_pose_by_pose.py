@@ -105,6 +105,13 @@ def test_a_budget_ends_it() -> None:
     assert 500 <= done.boxes < 1500
 
 
+def test_boxes_that_are_small_beside_the_whole_end_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four charts are as large as the whole, and each of two contacts may be made in all of them."""
+    monkeypatch.setattr(pose_by_pose, "MIN_BOX_SHARE", 1.0)
+    done = impossible_at_every_pose(data_of(grip(0.05)))
+    assert (done.shown, done.boxes, done.discarded) == (False, 8, 0.0)
+
+
 def test_joints_that_several_contacts_share_belong_to_the_pose() -> None:
     task = data_of(planted(*CASES[0]).task)
     labels = pose_by_pose._labels(task)
@@ -119,10 +126,10 @@ def test_joints_that_several_contacts_share_belong_to_the_pose() -> None:
 
 def test_the_factors_of_a_row_are_finite_where_rows_are_not() -> None:
     with np.errstate(all="ignore"):
-        value = np.array([[1.0, -2.0], [np.nan, 1.0], [0.0, 0.0], [1.0, 1.0]])
-        slope = np.ones((4, 3, 2))
+        value = np.array([[1.0, -2.0], [np.nan, 1.0], [0.0, 0.0], [1.0, 1.0], [np.inf, 1.0]])
+        slope = np.ones((5, 3, 2))
         slope[3] = np.inf
-        factors = pose_by_pose._factors(value, slope, np.ones((4, 3)))
+        factors = pose_by_pose._factors(value, slope, np.ones((5, 3)))
     assert np.isfinite(factors).all()
     assert np.abs(factors[0]).max() == 1.0
     assert not factors[2].any()

@@ -130,6 +130,14 @@ FAULTS: list[tuple[Callable[[Data], object], str]] = [
     (put(*HAND, "joints", 1, "name", to="ring_abduction"), "task.hand.joints: has a name twice"),
     (put(*HAND, "couplings", 0, "joint", to=99), "task.hand.couplings[0]: ties a joint that does not exist"),
     (put(*HAND, "couplings", 0, "leader", to=99), "task.hand.couplings[0]: ties a joint that does not exist"),
+    (
+        lambda d: d["hand"]["couplings"][0].update(leader=len(d["hand"]["joints"])),
+        "task.hand.couplings[0]: ties a joint that does not exist",
+    ),
+    (
+        lambda d: d["hand"]["couplings"][0].update(joint=len(d["hand"]["joints"])),
+        "task.hand.couplings[0]: ties a joint that does not exist",
+    ),
     (put(*HAND, "couplings", 0, "leader", to=-2), "task.hand.couplings[0].leader: is -2; a whole number of -1 or more"),
     (lambda d: d["hand"]["couplings"].append(d["hand"]["couplings"][0]), "task.hand.couplings[4]: ties a joint that"),
     (lambda d: d["hand"]["couplings"][0].update(leader=d["hand"]["couplings"][0]["joint"]), "task.hand.couplings: tie"),
@@ -172,6 +180,22 @@ def test_faults_of_the_side_of_a_cylinder(change: Data, words: str) -> None:
     data["contacts"][0]["object"] = {"cylinder_side": SIDE | change}
     with pytest.raises(BadFile, match=rf"^task.contacts\[0\].object.cylinder_side.{words}"):
         read_task(data)
+
+
+def test_joints_without_a_driver_do_not_move_with_each_other() -> None:
+    """Of two fingers with one contact: what its finger's joints are, and what their driver moves besides."""
+    data = embedded(pinch())
+    names = [j["name"] for j in data["hand"]["joints"]]
+    at = {name: names.index(name) for name in ("index_distal", "ring_distal", "middle_distal", "index_proximal")}
+    del data["contacts"][1]
+    fixed = [{"joint": at[name], "leader": -1, "ratio": 1.0, "offset": 0.1} for name in ("index_distal", "ring_distal")]
+    data["hand"]["couplings"] = [
+        *fixed,
+        {"joint": at["middle_distal"], "leader": at["index_proximal"], "ratio": 1.0, "offset": 0.0},
+    ]
+    moving = read_task(data).moving
+    assert {names[j] for j in moving} == {n for n in names if n.startswith("index")} | {"middle_distal"}
+    assert [(c.driver, c.offset) for c in moving[at["index_distal"]]] == [(-1, 0.1)]
 
 
 # --- where all joints are ---
