@@ -408,7 +408,7 @@ class Hand(Presented):
 
     def _gaps(self, q: Array) -> tuple[Array, Array]:
         """(3n,) [m] from the second link's point of each pin to the first's, base frame, and the Jacobian (3n, l)."""
-        poses, (axes, origins) = self.link_poses(q), self.joint_axes(q)
+        poses, axes, origins = self._frames(q)
         slides = np.array([j.type == "prismatic" for j in self.joints])
         ends = [[(o.first, o.on_first), (o.second, o.on_second)] for o in self.loops]
         at = np.array([[poses[i][:3, :3] @ x + poses[i][:3, 3] for i, x in pair] for pair in ends])  # (n, 2, 3)
@@ -448,6 +448,10 @@ class Hand(Presented):
 
     def joint_axes(self, q: Array) -> tuple[Array, Array]:
         """Unit axes (l, 3) and points on them (l, 3) [m] in the base frame at q (l,)."""
+        return self._frames(q)[1:]
+
+    def _frames(self, q: Array) -> tuple[Array, Array, Array]:
+        """`link_poses`, and `joint_axes`."""
         axes, origins = np.zeros((self.l, 3)), np.zeros((self.l, 3))
         poses, motions = np.empty((len(self.links), 4, 4)), self.motions(q)
         for i, link in enumerate(self.links):
@@ -457,7 +461,7 @@ class Hand(Presented):
                 origins[j] = T[:3, :3] @ self.joints[j].anchor + T[:3, 3]
                 T = T @ motions[j]
             poses[i] = T
-        return axes, origins
+        return poses, axes, origins
 
     def moved_by(self, link: int) -> tuple[int, ...]:
         """Indices of the joints between the base and a link, base first: those that move it."""

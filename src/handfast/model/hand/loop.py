@@ -188,7 +188,8 @@ class LoopClosure:
             at = at.copy()
             at[unknown] += step
             at = self.follow @ at + self.offset
-        gap = self.gaps(at)[0]
+        else:
+            gap = self.gaps(at)[0]
         return (at if np.abs(gap).max(initial=0.0) <= MAX_LOOP_GAP else None), gap
 
     def _excess(self, q: Array) -> float:
