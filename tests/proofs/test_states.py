@@ -58,6 +58,18 @@ def test_derivatives_are_those_of_the_forces(soft, sin):
             np.testing.assert_allclose(laws.K[0][:, k], slope, atol=1e-3 * max(1.0, float(np.abs(laws.K).max())))
 
 
+@pytest.mark.parametrize("axis", [1, 2])
+def test_a_slow_slip_under_a_large_force_changes_derivatives_most(axis: int) -> None:
+    """Across the slip friction is -mu c_n d_t / speed: mu 100 (1 / 0.75 - 1 / 1) from 1 to 0.75 at 100 N."""
+    p = problem(Grasp([Contact([0, 0, 0], [0, 0, 1], 0.5)]), [0, 0, -1.0])
+    d, other = -100.0 * np.eye(4)[0] + np.eye(4)[axis], 3 - axis
+    modes = Modes(np.array([Kind.SLIDES]), np.zeros(1, dtype=bool), NONE, NONE)
+    laws, slower = (Laws.of(p, modes, at, np.zeros(4)) for at in (d, d - 0.25 * np.eye(4)[axis]))
+    changed = abs(slower.K - laws.K)[0, other, other]
+    assert changed == pytest.approx(0.5 * 100 * (1 / 0.75 - 1))
+    assert changed <= laws.change(p, np.array([0.25]))[0] <= 5 * changed
+
+
 def test_a_direction_that_may_turn_round_is_not_known():
     p, modes, d = drawn(np.random.default_rng(9), False, 0.0)
     laws = Laws.of(p, modes, d, np.zeros(len(d)))
