@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from handfast.proofs.newton import PRIME, Modes, NotShown, System, between, greedy, spans
-from handfast.proofs.states import ContactMode, Part, Problem
+from handfast.proofs.newton import PRIME, Modes, NotShown, System, between, greedy, independent, spans
+from handfast.proofs.states import ContactMode, Part, Problem, State
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
 from tests.proofs.test_existence import held, likeliest, pivot, sliding
 
@@ -31,6 +31,33 @@ from tests.proofs.test_existence import held, likeliest, pivot, sliding
 def test_rows_span_others_exactly(basis, others, so: bool) -> None:
     rational = lambda rows: [[fmpq(x) for x in row] for row in rows]  # noqa: E731
     assert spans(rational(basis), rational(others)) is so
+
+
+@pytest.mark.parametrize(
+    ("table", "at", "units", "kept"),
+    [
+        ([], [], [], []),
+        ([[1, 0], [0, 1]], [0, 0], [1, 1], [0, 1]),
+        ([[1, 0], [0, 1e-12]], [0, 0], [1, 1e-12], [0, 1]),  # in its own unit it is no small row
+        ([[1, 0], [0, 1e-12]], [0, 0], [1, 1], None),
+        ([[1, 0], [2, 0]], [1, 2], [1, 1], [0]),
+        ([[1, 0], [2, 0]], [1, 2 + 2**-40], [1, 1], None),  # no motion keeps both
+        ([[1, 0], [1, 2**-40]], [0, 0], [1, 1], None),
+        ([[1, 0], [0, 1], [1, 1]], [1, 2, 3], [1, 1, 1], [0, 1]),
+        ([[1, 0], [0, 1], [1, 1]], [1, 2, 4], [1, 1, 1], None),
+    ],
+)
+def test_rows_that_are_held_are_kept_but_for_those_that_follow_exactly(table, at, units, kept) -> None:
+    """Rows of motions (x, y) and at what they are held; the first of all rows is held by none."""
+    M = np.array([[7.0, 7.0], *table])
+    exact_rows = [[fmpq(*x.as_integer_ratio()) for x in row] for row in M.tolist()]
+    grasp = SimpleNamespace(rows=(M, M), row_units=np.array([1.0, *units]), column_units=np.ones(2))
+    grasp.exact_rows, grasp.independent_rows = exact_rows, {}
+    ends = [fmpq(*float(x).as_integer_ratio()) for x in (0, *at)]
+    rows: Any = SimpleNamespace(at=np.array([0.0, *at]), exact=np.array(ends, dtype=object))
+    for _ in range(2):  # the second answer is remembered
+        found = independent(SimpleNamespace(grasp=grasp), np.arange(1, len(M)), rows)  # type: ignore[arg-type]
+        assert found is kept is None or (found - 1).tolist() == kept
 
 
 A = np.ones(3) / 3**0.5
@@ -109,6 +136,16 @@ def test_every_sum_is_uncertain_by_a_rounding_of_its_terms() -> None:
     assert (system.box().phi_off[rows] >= rounded).all()
     of_forces = size.T @ (UNIT_ROUNDOFF * np.abs(system.phi) + system.phi_off)
     assert (system.value_off[: len(v)] >= of_forces + UNIT_ROUNDOFF * np.abs(np.r_[p.wrench, p.grasp.torque])).all()
+
+
+def test_a_force_at_its_limit_is_as_uncertain_as_the_force() -> None:
+    p, system = slides()
+    limit, full = float(system.laws.force[0, 0]) - 0.125, np.arange(5) == 0
+    x = State.of(p.grasp, system.v, system.phi)
+    at_limit = System.of(replace(p, force_limit=limit), replace(system.modes, full=full), x, False)
+    assert at_limit.value[-1] == pytest.approx(0.125)
+    assert at_limit.value_off[-1] >= at_limit.phi_off[at_limit.laws.rows[0, 0]] > 0
+    np.testing.assert_array_equal(at_limit.A[-1, : len(system.v)], system.laws.K[0, 0] @ p.grasp.rows[0][:4])
 
 
 def test_an_equation_that_says_nothing_is_left_out() -> None:
