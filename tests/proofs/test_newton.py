@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from handfast.model.grasp import Contact, Grasp
 from handfast.proofs.newton import PRIME, Modes, NotShown, System, between, greedy, independent, spans
 from handfast.proofs.states import ContactMode, Part, Problem, State
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
 from tests.proofs.test_existence import held, likeliest, pivot, sliding
+from tests.support.exact_states import problem
 
 
 @pytest.mark.parametrize(
@@ -148,6 +150,16 @@ def test_a_force_at_its_limit_is_as_uncertain_as_the_force() -> None:
     np.testing.assert_array_equal(at_limit.A[-1, : len(system.v)], system.laws.K[0, 0] @ p.grasp.rows[0][:4])
 
 
+def test_contacts_that_hold_almost_the_same_motions_show_nothing() -> None:
+    """Two at one place with normals that are 1e-12 apart."""
+    p = problem(Grasp([Contact([0, 0, 0], [1e-12 * k, 0, 1], 0.5) for k in range(2)]), [0, 0, -1.0])
+    none = np.zeros(0, dtype=np.int64)
+    modes = Modes(np.full(2, C.STICKS), np.zeros(2, dtype=bool), none, none)
+    x = State.of(p.grasp, np.zeros(6), np.zeros(len(p.grasp.rows[0])))
+    with pytest.raises(NotShown, match="what is held at rest is dependent but for rounding"):
+        System.of(p, modes, x, False)
+
+
 def test_an_equation_that_says_nothing_is_left_out() -> None:
     """(2) of a swivel whose axis passes the fingertip is a row of zeros."""
     grasp, load = pivot(0.0)
@@ -161,7 +173,7 @@ def test_an_equation_that_says_nothing_is_left_out() -> None:
 def test_the_magnitude_is_an_unknown_of_the_balance() -> None:
     """2.5 of a direction and the rest of the load: the same state, and derivatives by differences."""
     p, x = sliding()
-    along = np.array([1.0, 0.5, 0.0, 0.0, 0.02, 0.0])
+    along = np.array([2.0, 0.5, 0.0, 0.0, 0.02, 0.0])
     q = replace(p, wrench=p.wrench - 2.5 * along, along=along, magnitude=2.5)
     system = System.of(q, likeliest(q, x), x, True)
     assert system.residual < 1e-12

@@ -58,6 +58,28 @@ def test_derivatives_are_those_of_the_forces(soft, sin):
             np.testing.assert_allclose(laws.K[0][:, k], slope, atol=1e-3 * max(1.0, float(np.abs(laws.K).max())))
 
 
+@pytest.mark.parametrize("friction", [[0.3, 0.4], [0.6, 0.8]])
+def test_a_contact_that_leans_keeps_the_ratio_of_its_printed_force_within_its_friction(friction: list[float]) -> None:
+    """0.5 at most: 2 N of normal force carry 0.6 and 0.8 N, from motions (-2, 5, 0) where nothing else counts."""
+    p = problem(Grasp([Contact([0, 0, 0], [0, 0, 1], 0.5)]), [0, 0, -1.0])
+    modes = Modes(np.array([Kind.LEANS]), np.zeros(1, dtype=bool), NONE, NONE)
+    laws = Laws.of(p, modes, np.array([-2.0, 5, 0, 0]), np.array([1.0, *friction, 0]))
+    np.testing.assert_allclose(laws.force, [[2, 0.6, 0.8, 0]], rtol=1e-11)
+    assert np.hypot(*laws.lean[0, :2]) < 0.5
+    np.testing.assert_allclose(laws.K[0, :, 0], [-1, -0.3, -0.4, 0], rtol=1e-11)
+    assert not laws.K[0, :, 1:].any()
+
+
+def test_forces_are_rounded_by_all_that_they_are_sums_of() -> None:
+    """16 roundings of a gap of 0.5, of d_n = -9, of 0.6 of d_t = (3, -4), and of forces that add up to 7."""
+    p = replace(every_law((0.5, 0.0, 0.0)), cos=0.8, sin=0.6)
+    modes = modes_of((Kind.SLIDES, Kind.OPEN, Kind.OPEN), (False,) * 3, (Part.LOCKED,) * 2, (Part.FREE,) * 4)
+    d = np.zeros(17)
+    d[:3] = [-9.0, 3.0, -4.0]
+    laws = replace(Laws.of(p, modes, d, np.zeros(17)), force=np.array([[4.0, -1.0, 2.0, 0.0]]))
+    np.testing.assert_allclose(laws.rounding(p, d), 16 * 2.0**-53 * (0.5 + 9 + 0.6 * 7 + 7), rtol=1e-9)
+
+
 @pytest.mark.parametrize("axis", [1, 2])
 def test_a_slow_slip_under_a_large_force_changes_derivatives_most(axis: int) -> None:
     """Across the slip friction is -mu c_n d_t / speed: mu 100 (1 / 0.75 - 1 / 1) from 1 to 0.75 at 100 N."""
@@ -108,6 +130,8 @@ def test_where_a_step_came_to_by_hand():
     np.testing.assert_allclose(came.stops, [2, 5, 0], atol=0)
     np.testing.assert_allclose(came.slack, [6, 0], atol=0)
     np.testing.assert_allclose(room.stops, 2e-9, rtol=1e-3)
+    off = 1e-9 * p.scale * p.grasp.row_units[p.grasp.contact_rows]
+    np.testing.assert_allclose(room.gaps, off.sum(axis=1), rtol=1e-3)
 
 
 MODES = [

@@ -162,8 +162,7 @@ class System:
         if not np.isfinite(change).all():
             part = f"contact {np.flatnonzero(modes.closed)[np.argmax(change)]}"
             raise NotShown(f"{part} slides by so little that its direction is not known", part)
-        still = np.where(np.isfinite(laws.speed), laws.speed, 1.0)
-        steep = np.divide(np.abs(laws.force[:, 0]), still, out=np.zeros(len(still)), where=still > 0)
+        steep = np.abs(laws.force[:, 0]) / laws.speed  # that is not 0: then its direction is not known
         K_off = change + 32 * UNIT_ROUNDOFF * (1.0 + laws.rub * (1.0 + steep))
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
         force_off += laws.rounding(p, d)[:, None]
