@@ -14,6 +14,7 @@ from handfast import Verdict, check, load_body, load_hand, maximum, verify
 from handfast.cli.plan import PlanGrasps
 from handfast.core.errors import InputError
 from handfast.planning.evaluation import attempt
+from handfast.planning.evaluation import quality as measured
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
 from handfast.planning.evaluation.quality import GraspQuality, largest_command
 from handfast.planning.plan_grasps import plan
@@ -119,6 +120,16 @@ def test_larger_commands_make_a_fragile_grasp_robust(monkeypatch: pytest.MonkeyP
     weak = replace(hand, strengths={name: 1.1 * abs(f) for name, f in least.grasp.preload.items()})
     (bounded,) = Runner(replace(asked, hand=weak)).run(98).found
     assert bounded.grasp.preload == least.grasp.preload  # beyond what the motors have
+
+
+def test_what_was_made_firmer_is_asked_again_only_under_another_load(
+    planned: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (g, *_) = planned.grasps
+    monkeypatch.setattr(measured, "leans_on", lambda answer, options, name: (name,))
+    weakest = g.answer.weakest
+    for known, leans in (("", (weakest,)), ("another", (weakest,)), (weakest, ())):
+        assert measured.quality(g.answer, PlanOptions(), 0.01, known).leans_on == leans
 
 
 @pytest.mark.slow
