@@ -146,6 +146,8 @@ def test_a_force_at_its_limit_is_as_uncertain_as_the_force() -> None:
     x = State.of(p.grasp, system.v, system.phi)
     at_limit = System.of(replace(p, force_limit=limit), replace(system.modes, full=full), x, False)
     assert at_limit.value[-1] == pytest.approx(0.125)
+    fault = at_limit.fails(rounding=False)
+    assert (fault.part, fault.rounding) == ("contact 0", False)
     assert at_limit.value_off[-1] >= at_limit.phi_off[at_limit.laws.rows[0, 0]] > 0
     np.testing.assert_array_equal(at_limit.A[-1, : len(system.v)], system.laws.K[0, 0] @ p.grasp.rows[0][:4])
 
