@@ -403,6 +403,8 @@ def test_what_rounding_leaves_open_is_of_all_terms_of_a_sum() -> None:
         size += sum(abs(v) * most for v, most in zip(found.v[leaf], found.E_largest, strict=True))
         np.testing.assert_allclose(asked[0][leaf, found.equations.solved[1]], found.error * size, rtol=1e-6)
     assert (found.v < 0).any()
+    assert len(set(found.unit)) > 1
+    assert ((found.largest >= np.abs(found.F).max(axis=1)) & (found.largest > 0.5) & (found.largest < 2)).all()
 
 
 def test_efforts_are_put_in_from_the_balance_of_their_joint():
