@@ -2,9 +2,9 @@
 
     python -m benchmarks.start [CHECKOUT ...] [--cold 3] [--warm 9] [--install]
 
-Each checkout (this one alone by default) is copied, without what it has compiled, for each of `--cold` rounds: the
-first command compiles, `--warm` others follow, and as many imports. With --install it is installed by pip instead, so
-that the first command finds what the wheel carries. Checkouts take turns, so that other work on the
+Each checkout (this one alone by default) is copied, without what it has compiled, for each of `--cold` rounds: both
+kernels are compiled, the first command follows, `--warm` others, and as many imports. With --install it is installed by
+pip instead, so that the first command finds what the wheel carries. Checkouts take turns, so that other work on the
 machine hits all alike; ratios are to the first. Writes results/start.json and prints a Markdown table.
 """
 
@@ -27,12 +27,16 @@ from benchmarks.machine import describe, revision
 RESULTS = Path(__file__).parent / "results" / "start.json"
 HERE = Path(__file__).parents[1]
 COMMAND = "from handfast.cli import main; main()"
+COMPILE = (
+    "from handfast.stability.search.machine import LIBRARY; LIBRARY.machine_code(); "
+    "from handfast.synthesis.search.library import LIBRARY; LIBRARY.machine_code()"
+)
 QUESTION = ["check", "fig7", "--wrench", "0", "0", "-1", "0", "0", "0"]
 
 
 def run(source: Path, code: str, *arguments: str) -> tuple[float, float]:
     """Seconds and processor time of a process."""
-    env = os.environ | {"PYTHONPATH": str(source), "NUMBA_CACHE_DIR": str(source / "numba")}
+    env = os.environ | {"PYTHONPATH": str(source), "XDG_CACHE_HOME": str(source / "cache")}
     before, clock = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run([sys.executable, "-c", code, *arguments], env=env, stdout=subprocess.DEVNULL, check=True)
     seconds, after = time.perf_counter() - clock, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -56,13 +60,16 @@ def main() -> None:
     parser.add_argument("--install", action="store_true", help="install by pip in place of copying the sources")
     given = parser.parse_args()
     names = [revision(checkout) for checkout in given.checkouts]
-    times: dict[str, list[list[tuple[float, float]]]] = {k: [[] for _ in names] for k in ("first", "check", "import")}
+    measured = (*([] if given.install else ["compile"]), "first", "check", "import")
+    times: dict[str, list[list[tuple[float, float]]]] = {k: [[] for _ in names] for k in measured}
     for turn in range(given.cold):
         with tempfile.TemporaryDirectory() as folder:
             copies = [Path(folder) / str(k) for k in range(len(names))]
             order = list(range(len(names)))[:: 1 if turn % 2 else -1]
             for k in order:
                 put(given.checkouts[k], copies[k], given.install)
+                if not given.install:
+                    times["compile"][k].append(run(copies[k], COMPILE))
                 times["first"][k].append(run(copies[k], COMMAND, *QUESTION))
             for _ in range(given.warm):
                 for k in order:
