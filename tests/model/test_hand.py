@@ -139,6 +139,13 @@ def test_jacobian_is_the_derivative_of_a_fixed_point(seed: int, name: str) -> No
     assert not hand.jacobian(link, point(q), q)[:, still].any()
 
 
+def test_a_bundled_hand_is_as_it_was_whoever_had_it_before() -> None:
+    """It is read once; its strengths are a dict."""
+    name = next(iter(load_hand("barrett-bh8-280").strengths))
+    load_hand("barrett-bh8-280").strengths[name] = 0.0
+    assert load_hand("barrett-bh8-280").strengths[name] > 0
+
+
 def test_positive_is_closing_in_the_bundled_hands() -> None:
     for name in ("barrett-bh8-280", "schunk-sah"):
         hand = load_hand(name)

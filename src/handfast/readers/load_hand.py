@@ -77,7 +77,8 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
     if str(source) in bundled_hands():
         if root or srdf:
             raise InputError("is a bundled hand, which has no root or SRDF file to choose", source=str(source))
-        return _bundled(str(source))
+        hand = _bundled(str(source))
+        return replace(hand, strengths=dict(hand.strengths))  # the one part of a hand that can be changed
     name, path = str(source), Path(source)
     if "#" in name and not os.path.isfile(path):
         name, _, link = name.rpartition("#")
@@ -102,7 +103,7 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
     return _with_srdf(hand, Path(srdf), strict=root is None) if srdf else hand
 
 
-@cache  # our own files, which stay as they are; a hand cannot be changed
+@cache  # our own files, which stay as they are
 def _bundled(name: str) -> Hand:
     if name.startswith(TABLE_1_PREFIX):
         return replace(table_1_hand(name.removeprefix(TABLE_1_PREFIX)), source=name)
