@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -109,13 +108,16 @@ def _searched(
     own = options["settings"] or Settings()
     limited = own if np.isfinite(own.timeout) else replace(own, timeout=CHECK_TIME_LIMIT)
     ask = _Ask(w, options | {"settings": limited}, on_progress)
-    less, more = (
-        ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, partial(_rubbed, grasp, sign), until[0])
-        for sign in (-1, 1)
+    friction, tilts = until
+    less = ask.flip(
+        "friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 - x))], friction
+    )
+    more = ask.flip(
+        "friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 + x))], friction
     )
     patterns = list(_patterns(sides(grasp, w)))
     tilt = ask.flip(
-        "tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns], until[1]
+        "tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns], tilts
     )
     return Margin(float(stiffness), answer, less, more, tilt, ask.count, ask.stop, options["limits"])
 
@@ -174,11 +176,6 @@ def _patterns(side: Array) -> Iterator[Array]:
             yield alone
 
 
-def _rubbed(grasp: Grasp, sign: int, share: float) -> list[_Change]:
-    """With all friction lessened or raised by a share."""
-    return [_Change(rubbed(grasp, 1 + sign * share))]
-
-
 def _tilted(grasp: Grasp, towards: Array, angle: float) -> _Change:
     """With normals tilted by an angle [rad]."""
     moved = tuple(int(i) for i in np.flatnonzero(towards.any(axis=1)))
@@ -224,7 +221,7 @@ class _Ask:
                 holds = size
             if slips is not None and certain and slips - holds > resolution:
                 ahead = [0.5 * (holds + slips)]
-            if until is not None and (until - size if verdict is Verdict.SLIPS else size - until) >= 0:
+            if until is not None and (size <= until if verdict is Verdict.SLIPS else size >= until):
                 break
         where = (change.contacts, change.towards) if change else ()
         return Flip(holds, slips, changes[-1], undecided, found, *where)
