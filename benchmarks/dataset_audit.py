@@ -58,7 +58,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand import Hand
 from handfast.model.servo import servo_commands
-from handfast.proofs.grasp import MAX_GRASP_SIZE
+from handfast.proofs.constants import MAX_GRASP_SIZE
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from handfast.simulation.result import Ending

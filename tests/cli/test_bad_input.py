@@ -18,7 +18,7 @@ from handfast.core.transforms import MAX_COORDINATE, transform
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import MIN_SOLID_SIZE, Shape
-from handfast.proofs.grasp import MAX_GRASP_SIZE
+from handfast.proofs.constants import MAX_GRASP_SIZE
 from handfast.proofs.strict_json import MAX_INTEGER_DIGITS, MAX_JSON_DEPTH
 from handfast.readers.grasp_file import from_dict
 from handfast.readers.region_file import load_hand_regions

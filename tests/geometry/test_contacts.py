@@ -16,7 +16,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, Link
 from handfast.model.shape import Shape
-from handfast.proofs.convex_solids import SIZE_COUNTS
+from handfast.proofs.constants import SIZE_COUNTS
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from tests.support.contact_cases import (

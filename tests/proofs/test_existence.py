@@ -410,11 +410,10 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     assert derivative.nrows() == len(system.value) == 6 + g.l + 1 + 1  # balance, the locked joint, the limit
     floats = [[float(y.mid()) for y in row] for row in derivative.table()]
     np.testing.assert_allclose(floats, system.A, rtol=1e-10, atol=1e-10 * np.abs(system.A).max())
-    exact = system._exact()
-    assert [row is None for row in exact] == [True] * 7 + [False, True]  # all contacts slide: nothing else is linear
+    assert system.linear.tolist() == [False] * 7 + [True, False]  # all contacts slide: nothing else is linear
     still = replace(modes, contact=np.full(4, states.ContactMode.STICKS))
     system = System.of(p, still, x, False)
-    exact = np.array(system._exact(), dtype=object).astype(float)
+    exact = np.array(system.exact, dtype=object).astype(float)
     np.testing.assert_allclose(exact[:, :-1], system.A, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(exact[:, -1], system.value, rtol=1e-12, atol=1e-12)
 
@@ -447,7 +446,7 @@ def test_inequalities_are_kept_by_as_much_all_over_a_box(family):
     p = replace(p, torque_limit=np.abs(x.f) + 1.0, force_limit=np.abs(x.c).max() + 1.0)
     modes = likeliest(p, x)
     every = [
-        replace(modes, contact=np.full(g.m, k), joint=np.full(g.l, j)) for k, j in zip(range(6), Part, strict=False)
+        replace(modes, contact=np.full(g.m, k), joint=np.full(g.l, j)) for k, j in zip(range(6), range(6), strict=True)
     ]
     for tried, box, points in boxes(p, x, every):
         both = zip(slacks(p, tried, box), slacks(p, tried, points), strict=True)
@@ -489,7 +488,7 @@ def test_inequalities_of_a_step_from_a_state_are_kept_by_as_much_all_over_a_box(
     kinds = [Part.RESTS, Part.LOW, Part.HIGH, Part.MOVES, Part.OPENS, Part.FREE, Part.BACK]
     every = [
         Modes(np.full(g.m, k), np.zeros(g.m, dtype=bool), np.full(g.a, a), np.full(g.l, j))
-        for k in states.ContactMode
+        for k in range(6)
         for a in (Part.MOVES, Part.RESTS)
         for j in kinds
     ]
@@ -715,3 +714,21 @@ def test_which_magnitudes_are_tried_near_one_that_is_not_shown(monkeypatch, show
     assert less.along is not None
     assert nearby(p, x, 0.1, until=-np.inf)[1] is x
     assert len(tried) == len(asked)
+
+
+def test_a_direction_of_sliding_that_is_not_known_is_met_once_by_each_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three contacts that press by as good as nothing, and a load that none of them carries: all modes are tried."""
+    contacts = [Contact([0.1 * k, 0, 0], [0, 0, 1], 0.5) for k in range(3)]
+    p = problem(Grasp(contacts), [0, 0, 1.0, 0, 0, 0])
+    tried, of = [], System.of
+
+    def noted(p: Problem, modes: Modes, *rest: object) -> System:
+        tried.append(modes.contact.tolist())
+        return of(p, modes, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(System, "of", noted)
+    x = State.of(p.grasp, np.array([0, 0, -1e-12, 0, 0, 0]), np.zeros(len(p.grasp.rows[0])))
+    assert not prove(p, x).exact
+    assert len(tried) > 6
+    for k in range(3):
+        assert sum(contact[k] == Contact_.SLIDES for contact in tried) == 1

@@ -11,7 +11,7 @@ import pytest
 from flint import fmpq
 
 from handfast.model.grasp import Contact, Grasp
-from handfast.proofs.newton import PRIME, Modes, NotShown, System, between, greedy, independent, spans
+from handfast.proofs.newton import PRIME, ModeEquations, Modes, NotShown, System, between, greedy, independent, spans
 from handfast.proofs.states import ContactMode, Part, Problem, State
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
 from tests.proofs.test_existence import held, likeliest, pivot, sliding
@@ -189,3 +189,53 @@ def test_the_magnitude_is_an_unknown_of_the_balance() -> None:
     box = system.box()
     assert box.magnitude == 2.5
     assert 0 < box.magnitude_off < 1e-9
+
+
+def pressed(load: list[float]) -> System:
+    """A contact without friction that presses along x against a load."""
+    p = problem(Grasp([Contact([-0.05, 0, 0], [1, 0, 0], 0.0)]), load)
+    none = np.zeros(0, dtype=np.int64)
+    modes = Modes(np.array([C.SLIDES]), np.zeros(1, dtype=bool), none, none)
+    motion = np.array([-1.0, 0, 0, 0, 0, 0])
+    return System.of(p, modes, State.of(p.grasp, motion, np.array([1.0, 0, 0, 0])), False)
+
+
+def test_a_balance_that_reads_0_is_left_out_and_a_load_that_nothing_carries_is_none() -> None:
+    system = pressed([-1.0, 0, 0, 0, 0, 0])
+    assert system.used.tolist() == [0]
+    assert not system.contradictory
+    assert system.box().v[0] == -1.0
+    for axis in range(1, 6):
+        load = np.eye(6)[axis] * 1e-300
+        system = pressed([-1.0, *load[1:]])
+        assert axis in system.used
+        assert system.contradictory
+        with pytest.raises(NotShown, match="lose rank"):
+            system.box()
+
+
+def test_a_balance_along_a_direction_is_kept_at_a_magnitude_of_0() -> None:
+    """An open contact carries nothing."""
+    p, none = pressed([-1.0, 0, 0, 0, 0, 0]).p, np.zeros(0, dtype=np.int64)
+    modes = Modes(np.array([C.OPEN]), np.zeros(1, dtype=bool), none, none)
+    x = State.of(p.grasp, np.zeros(6), np.zeros(4))
+    for wrench, along, magnitude, idle in (
+        ([0.0] * 6, None, 0.0, [0, 1, 2, 3, 4, 5]),
+        ([0.0, 0, 0, 0, 1, 0], None, 0.0, [0, 1, 2, 3, 5]),
+        ([0.0] * 6, [0.0, 1, 0, 0, 0, 0], 0.0, [0, 2, 3, 4, 5]),
+        ([0.0] * 6, [0.0, 1e-200, 0, 0, 0, 0], 1e-200, [0, 2, 3, 4, 5]),
+    ):
+        q = replace(p, wrench=np.array(wrench), along=None if along is None else np.array(along), magnitude=magnitude)
+        for free in (False, True):
+            assert np.flatnonzero(ModeEquations.of(q, modes, x, free).idle).tolist() == idle
+
+
+@pytest.mark.parametrize(("more", "so"), [(0.0, False), (2.0**-52, True)])
+def test_balances_that_follow_from_each_other_contradict_only_another_load(more: float, so: bool) -> None:
+    """A contact off the centre turns the object as much as it pushes it: by 1/2 about z, exactly."""
+    p = problem(Grasp([Contact([0, -0.5, 0], [1, 0, 0], 0.0)]), [-1.0, 0, 0, 0, 0, -0.5 * (1 + more)])
+    none = np.zeros(0, dtype=np.int64)
+    modes = Modes(np.array([C.SLIDES]), np.zeros(1, dtype=bool), none, none)
+    x = State.of(p.grasp, np.array([-1.0, 0, 0, 0, 0, 0]), np.array([1.0, 0, 0, 0]))
+    system = System.of(p, modes, x, False)
+    assert (system.used.tolist() == [0], system.contradictory) == (not so, so)

@@ -184,7 +184,7 @@ def test_modes_in_words():
     assert modes_of(*MODES).closed.tolist() == [False, True, True]
 
 
-OPEN, TOUCHES, STICKS, SLIDES, RUBS, LEANS = Kind
+OPEN, TOUCHES, STICKS, SLIDES, RUBS, LEANS = range(6)
 ONE = {"mu": 0.5, "before": 0.0, "d": [-1.0, 0.0, 0.0, 0.0], "phi": [1.0, 0.1, 0.0, 0.0]}
 LAWS = {
     "open": ({"d": [2.0, 0, 0, 0], "phi": [0, 0, 0, 0]}, {}, [OPEN, TOUCHES]),

@@ -17,7 +17,7 @@ from handfast.core.schema import LEFT_OUT, InFiles, Vector3
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.mechanism import Mechanism
 from handfast.model.start import Start
-from handfast.proofs.grasp import MAX_GRASP_SIZE, MIN_LEVER
+from handfast.proofs.constants import MAX_GRASP_SIZE, MIN_LEVER
 
 if TYPE_CHECKING:
     from handfast.model.provenance import Provenance

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import MAX_COORDINATE, rigid
-from handfast.proofs.convex_solids import SIZE_COUNTS
+from handfast.proofs.constants import SIZE_COUNTS
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
 Faces = NDArray[np.int64]  # (k, 3) indices of vertices

@@ -21,7 +21,7 @@ from handfast.model.grasp import Grasp
 from handfast.papers import mixed_integer_solvers
 from handfast.papers.friction_relaxation import Discretisation, Sector, polygon, relaxation
 from handfast.papers.mixed_integer import SOLVERS, Solver, SolverResult, SolverStatus
-from handfast.proofs.answers import END_TOLERANCE
+from handfast.proofs.constants import END_TOLERANCE
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.max_query import max_goal, shown_maximum

@@ -19,6 +19,7 @@ import numpy as np
 
 from handfast.proofs import checker, ranges
 from handfast.proofs.certificate import Certificate, read_certificate
+from handfast.proofs.constants import END_TOLERANCE
 from handfast.proofs.existence import FORCE_DEVIATION, Proved, prove
 from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
@@ -34,7 +35,6 @@ COURSE_KEYS = "stop", "seconds", "nodes", "verified"  # the course of the search
 ANSWER_NOT_REPLAYED = f"{', '.join(COURSE_KEYS)}: the course of the search is recorded, and nothing rests on it"
 RESIDUAL_ROUNDING = 1e-12  # of residuals: they are made of it
 UPPER_BOUND_FACTOR = 2.0  # times an upper bound: up to there at least nothing is resisted
-END_TOLERANCE = 1e-6  # relative: what is so near the end of a search is at it
 LIMIT_CLAIM = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
 OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys beside `holds_from_zero_to`
 
@@ -457,7 +457,7 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
         return dict(UNPROVED_STATE)
     motions = g.rows[0] @ x.motion
     assert proved.modes is not None
-    states = [ContactMode(k) for k in proved.modes.contact]
+    states = proved.modes.contact.tolist()
     c, d = x.c.reshape(-1, 3), motions[: 3 * g.m].reshape(-1, 3)
     contacts = [
         {

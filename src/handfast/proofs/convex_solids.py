@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from handfast.proofs.constants import SIZE_COUNTS
 from handfast.proofs.fields import Array, BadFile, Fields, Integers
 from handfast.proofs.intervals import Dual, Interval, cross, dot, join, norm, orthonormal, unit
 from handfast.proofs.replay import Refused
 
-SIZE_COUNTS = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
 SOLID_ROTATION_ERROR = 1e-9  # by which the floats of a solid's rotation may miss a rotation
 
 

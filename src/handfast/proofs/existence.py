@@ -153,16 +153,22 @@ def _attempts(p: Problem, x: State, most: int, free: bool = False) -> Proved:
     options = choices(p, x)
     names, reason, residual = list(options), "", np.inf
     queue, known = [(0, 0, (0,) * len(options))], {(0,) * len(options)}
+    alone: dict[tuple[str, int], NotShown] = {}  # faults of a part's mode, whatever the others'
     tries = 0
     while queue and tries < most and len(known) < 8 * most:
         cost, _, chosen = heapq.heappop(queue)
-        modes = modes_of(p.grasp, {name: options[name][k] for name, k in zip(names, chosen, strict=True)})
         try:
+            for mode in zip(names, chosen, strict=True):
+                if mode in alone:
+                    raise alone[mode]
+            modes = modes_of(p.grasp, {name: options[name][k] for name, k in zip(names, chosen, strict=True)})
             system = System.of(p, modes, x, free)
             residual, tries = min(residual, system.residual), tries + 1
             return _tried(system, x, residual)
         except NotShown as fault:
             reason = reason or str(fault)
+            if fault.alone:
+                alone[fault.part, chosen[names.index(fault.part)]] = fault
             for i, name in enumerate(names):  # the part that is at fault first
                 other = *chosen[:i], chosen[i] + 1, *chosen[i + 1 :]
                 if chosen[i] + 1 < len(options[name]) and other not in known:
@@ -176,7 +182,7 @@ def _tried(s: System, x: State, residual: float) -> Proved:
     try:
         return _shown(s, x, s.box(), residual)
     except NotShown as fault:
-        if not fault.rounding:
+        if not fault.rounding or (not s.regular and s.contradictory):
             raise
     try:
         inside = System.of(s.p, s.modes, _inside(s), s.sought)

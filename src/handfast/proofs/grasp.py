@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from handfast.proofs.constants import MAX_GRASP_SIZE, MIN_LEVER
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, exact, refuse_unknown
 
-MAX_GRASP_SIZE = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
-MIN_LEVER = 1e-7  # [m] of a soft finger, torsion over friction, is above this and below its inverse
 STOP_SIDES = "", "lower", "upper", "both"
 Maps = tuple[Array, Array, Array, Array]  # G, J, twist map and twist Jacobian
 LENGTH_ROUNDING = 1e-14  # relative: what rounding leaves of a length that is none

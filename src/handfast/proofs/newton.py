@@ -12,13 +12,14 @@ them is shown with rational numbers.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from flint import fmpq, fmpq_mat, fmpz_mat, nmod_mat
 
-from handfast.proofs.fields import Array, Integers, exact
+from handfast.proofs.fields import Array, Integers, Mask, exact
 from handfast.proofs.states import ContactMode, Laws, Modes, Numbers, Part, Problem, Rows, State
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
 
@@ -29,11 +30,14 @@ DEPENDENT = 1e-9  # relative: rows whose distance from those before is less than
 
 
 class NotShown(Exception):
-    """Why nothing is shown in some modes; `part` is the contact, actuator or joint as `choices` names it."""
+    """Why nothing is shown in some modes; `part` is the contact, actuator or joint as `choices` names it.
 
-    def __init__(self, reason: str, part: str = "", rounding: bool = False) -> None:
+    alone: it is so in this mode of the part, whatever the modes of the others.
+    """
+
+    def __init__(self, reason: str, part: str = "", rounding: bool = False, alone: bool = False) -> None:
         super().__init__(reason)
-        self.part, self.rounding = part, rounding
+        self.part, self.rounding, self.alone = part, rounding, alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +89,15 @@ class ModeEquations:
         """Rows whose forces are unknowns."""
         return np.flatnonzero(self.rows.unknown)
 
+    @property
+    def idle(self) -> Mask:
+        """(6 + l,) balances that read 0 = 0: nothing loads them, nor has any row that may carry a part in them."""
+        p, g, carries = self.p, self.p.grasp, self.rows.unknown | (self.rows.given != 0)
+        carries[g.contact_rows[self.modes.closed]] = True
+        load = p.wrench if p.along is None else np.where(p.along != 0, 1.0, p.wrench)
+        idle = ~g.rows[1][carries].any(axis=0) & (np.concatenate([load, g.torque]) == 0)
+        return ~(g.exact_table[carries] != 0).any(axis=0) & idle if idle.any() else idle
+
     def at(
         self, M: Array, x: Array, number: Numbers = np.array, smooth: bool = True
     ) -> tuple[Array, Array, Laws, Array]:
@@ -98,7 +111,7 @@ class ModeEquations:
         phi[laws.rows] += laws.force
         phi[self.unknown] = x[nv : nv + len(self.unknown)]
         phi[-1] = number(0.0)
-        load = number(np.r_[p.wrench, g.torque])
+        load = number(np.concatenate([p.wrench, g.torque]))
         if p.along is not None:
             load[:6] += magnitude * number(p.along)
         at = self.rows.exact if M.dtype == object else self.rows.at
@@ -161,7 +174,7 @@ class System:
         change = laws.change(p, np.sqrt((off**2).sum(axis=1)))
         if not np.isfinite(change).all():
             part = f"contact {np.flatnonzero(modes.closed)[np.argmax(change)]}"
-            raise NotShown(f"{part} slides by so little that its direction is not known", part)
+            raise NotShown(f"{part} slides by so little that its direction is not known", part, alone=True)
         steep = np.abs(laws.force[:, 0]) / laws.speed  # that is not 0: then its direction is not known
         K_off = change + 32 * UNIT_ROUNDOFF * (1.0 + laws.rub * (1.0 + steep))
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
@@ -171,16 +184,17 @@ class System:
         phi_off[e.unknown] = phi_off[-1] = 0.0
 
         along = np.zeros(6) if p.along is None else p.along
-        load_size = np.abs(np.r_[np.abs(p.wrench) + np.abs(p.magnitude * along), g.torque])
+        load_size = np.concatenate([np.abs(p.wrench) + np.abs(p.magnitude * along), np.abs(g.torque)])
         missing_off = unit * (size.T @ np.abs(phi) + load_size) + size.T @ phi_off
         at_off = d_off + 4 * UNIT_ROUNDOFF * np.abs(rows.at)
         above_off = force_off[e.full, 0] + 4 * UNIT_ROUNDOFF * np.abs(value[len(v) + len(e.kept) :])
-        value_off = np.r_[missing_off, at_off[e.kept], above_off]
-        units = np.r_[g.column_units, 1.0 / g.row_units[e.kept], np.ones(len(e.full))]
+        value_off = np.concatenate([missing_off, at_off[e.kept], above_off])
+        units = np.concatenate([g.column_units, 1.0 / g.row_units[e.kept], np.ones(len(e.full))])
         A, A_size = e.derivative(M, laws.K, along), e.derivative(size, np.abs(laws.K), np.abs(along))
         missed = value * units, (d - rows.at)[rows.held] / g.row_units[rows.held], (phi - e.printed) * g.row_units
         residual = float(max(np.abs(x).max(initial=0.0) for x in missed) / p.scale)
-        bounds = value, value_off, A, A_size, units, np.arange(len(value)), residual
+        used = np.flatnonzero(~np.concatenate([e.idle, np.zeros(len(value) - len(v), dtype=bool)]))
+        bounds = value[used], value_off[used], A[used], A_size[used], units[used], used, residual
         system = cls(e, v, phi, d, d_off, phi_off, laws, K_off, *bounds)
         return system if system.regular else system._without_dependent()
 
@@ -197,7 +211,7 @@ class System:
         """Is the magnitude an unknown?"""
         return self.of_modes.sought
 
-    @property
+    @cached_property
     def regular(self) -> bool:
         """Has A a right inverse that is not too large?"""
         k, n = self.A.shape
@@ -213,26 +227,40 @@ class System:
     def _without_dependent(self) -> System:
         """Without equations that others follow from, if they do so exactly; else as it is."""
         scaled = self.units[:, None] * self.A * self.columns
-        every = self._exact()
-        order = sorted(range(len(every)), key=lambda i: every[i] is not None)  # what is not linear first
+        order = np.argsort(self.linear, kind="stable")  # what is not linear first
         chosen = greedy(scaled[order] / np.maximum(np.linalg.norm(scaled[order], axis=1, keepdims=True), 1e-300))
-        used = np.sort(np.array(order, dtype=np.int64)[chosen])
-        others = np.setdiff1d(np.arange(len(every)), used)
-        basis, dropped = ([row for i in some if (row := every[i]) is not None] for some in (used, others))
-        if not dropped or len(dropped) < len(others) or not spans(basis, dropped):
+        kept = np.sort(order[chosen])
+        others = np.setdiff1d(np.arange(len(scaled)), kept)
+        if not len(others) or not self.linear[others].all():
             return self
-        parts = {name: getattr(self, name)[used] for name in ("value", "value_off", "A", "A_size", "units")}
-        return replace(self, **parts, used=used)
+        basis, dropped = ([self.exact[i] for i in some] for some in (kept[self.linear[kept]], others))
+        if not spans(basis, dropped):
+            return self
+        parts = {name: getattr(self, name)[kept] for name in ("value", "value_off", "A", "A_size", "units", "used")}
+        return replace(self, **parts)
 
-    def _exact(self) -> list[list[fmpq] | None]:
-        """(k, n + 1) derivatives and what is missed of the equations that are linear, exactly; None for the others."""
+    @property
+    def contradictory(self) -> bool:
+        """Do the linear equations contradict each other, exactly?"""
+        every = [self.exact[i] for i in np.flatnonzero(self.linear)]
+        most = _integers([row[:-1] for row in every]).rank() if every else 0
+        return bool(every) and nmod_mat(_integers(every), PRIME).rank() > most
+
+    @cached_property
+    def linear(self) -> Mask:
+        """(k,) which equations are linear in the unknowns."""
+        e, turns = self.of_modes, np.isfinite(self.laws.speed)
+        curved = (self.p.grasp.exact_table[self.laws.rows[turns].ravel()] != 0).any(axis=0)
+        return ~np.concatenate([curved, np.zeros(len(e.kept), dtype=bool), turns[e.full]])[self.used]
+
+    @cached_property
+    def exact(self) -> list[list[fmpq]]:
+        """(k, n + 1) derivatives and what is missed of the equations that are linear, exactly; others mean nothing."""
         e, p, M = self.of_modes, self.p, self.p.grasp.exact_table
         start = np.concatenate([self.v, self.phi[e.unknown], [p.magnitude] * self.sought])
         _, _, laws, value = e.at(M, exact(start), exact, smooth=False)
         A = e.derivative(M, laws.K, exact(np.zeros(6) if p.along is None else p.along))
-        turns = np.isfinite(self.laws.speed)
-        curved = np.concatenate([(M[self.laws.rows[turns].ravel()] != 0).any(axis=0), e.kept < 0, turns[e.full]])
-        return [None if some else [*row, y] for some, row, y in zip(curved, A.tolist(), value, strict=True)]
+        return [[*row, y] for row, y in zip(A[self.used].tolist(), value[self.used], strict=True)]
 
     @cached_property
     def columns(self) -> Array:
@@ -311,11 +339,12 @@ class System:
 
 def between(modes: Modes) -> str:
     """A part that is between two modes; "" if none is."""
-    for i in np.flatnonzero(np.isin(modes.contact, (ContactMode.TOUCHES, ContactMode.LEANS)) | modes.full):
+    contact, actuator, joint = modes.contact, modes.actuator, modes.joint
+    for i in np.flatnonzero((contact == ContactMode.TOUCHES) | (contact == ContactMode.LEANS) | modes.full):
         return f"contact {i}"
-    for j in np.flatnonzero(np.isin(modes.actuator, (Part.LOW, Part.HIGH, Part.LOWEST))):
+    for j in np.flatnonzero((actuator == Part.LOW) | (actuator == Part.HIGH) | (actuator == Part.LOWEST)):
         return f"actuator {j}"
-    for j in np.flatnonzero(np.isin(modes.joint, (Part.LOW, Part.HIGH))):
+    for j in np.flatnonzero((joint == Part.LOW) | (joint == Part.HIGH)):
         return f"joint {j}"
     return ""
 
@@ -356,12 +385,14 @@ def _independent(p: Problem, held: Integers, rows: Rows) -> Integers | None:
 
 def greedy(rows: Array) -> Integers:
     """Which rows are farther than `DEPENDENT` from the span of those before."""
-    basis, chosen = np.zeros((0, rows.shape[1])), []
+    basis, chosen = np.zeros(rows.shape), list[int]()
     for k, row in enumerate(rows):
-        rest = row - basis.T @ (basis @ row)
-        rest -= basis.T @ (basis @ rest)
-        if np.linalg.norm(rest) > DEPENDENT:
-            basis = np.vstack([basis, rest / np.linalg.norm(rest)])
+        B = basis[: len(chosen)]
+        rest = row - (B @ row) @ B
+        rest -= (B @ rest) @ B
+        away = math.sqrt(rest @ rest)
+        if away > DEPENDENT:
+            basis[len(chosen)] = rest / away
             chosen.append(k)
     return np.array(chosen, dtype=np.int64)
 

@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from handfast.proofs.constants import MAX_ETA
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp, read_start
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
 
 CHECK, SMALLEST_PRELOAD, LARGEST_GOAL, TORQUES = GOALS = "check", "smallest preload", "largest", "torques"
-MAX_ETA = float(np.radians(45.0))
 Range = tuple[float, float]
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs.configurations import examined, read_existence
+from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
@@ -26,7 +27,6 @@ from handfast.proofs.replay import SEARCH_STOPS, Refused, Replay
 from handfast.proofs.tasks import TaskData, read_task
 
 VERDICTS = "found", "none", "undecided"
-RADIAN_LENGTH = 0.1  # [m] that counts as much as a radian in the distance of configurations
 SYNTHESIS_COURSE = "the course of the search: starts, boxes and seconds"
 NAMES_CLAIM = "that the task's numbers are those of the hand and of the object that it names"
 SEARCHED = re.compile(r"contacts? (\d+(?:, \d+)*)(?: and (\d+|the object's position))?")

@@ -18,7 +18,7 @@ from handfast.core.schema import LEFT_OUT, InFiles, written
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.provenance import Provenance
-from handfast.proofs.grasp import MAX_GRASP_SIZE
+from handfast.proofs.constants import MAX_GRASP_SIZE
 
 Many = Field(max_length=MAX_GRASP_SIZE)  # what is longer is refused before anything is made of it; `Grasp` looks closer
 

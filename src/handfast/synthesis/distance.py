@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
-from handfast.proofs.synthesis import RADIAN_LENGTH
+from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_groups import POSE

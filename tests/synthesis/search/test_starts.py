@@ -7,7 +7,7 @@ import pytest
 
 from handfast.core.answer import Reach, Stop
 from handfast.model.region import Cap
-from handfast.proofs.synthesis import RADIAN_LENGTH
+from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.synthesis.distance import DISTINCT_DISTANCE, farthest, features, features_of
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import START_BLOCK, Starts, Walks

@@ -12,9 +12,9 @@ import numpy as np
 from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.proofs.answers import END_TOLERANCE
 from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
+from handfast.proofs.constants import END_TOLERANCE
 from handfast.proofs.existence import MODE_TRIES, Proved, nearby
 from handfast.proofs.newton import NotShown, System
 from handfast.proofs.states import Modes, Problem

@@ -33,8 +33,8 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.start import Start
+from handfast.proofs.constants import MAX_GRASP_SIZE
 from handfast.proofs.fields import not_zero
-from handfast.proofs.grasp import MAX_GRASP_SIZE
 from handfast.proofs.joint_laws import given_torques, shared
 from handfast.stability.problem import model
 from handfast.stability.problem.model import State

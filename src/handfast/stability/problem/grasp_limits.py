@@ -11,7 +11,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, refuse_other_kinds
 from handfast.model.grasp import Grasp
-from handfast.proofs.question import MAX_ETA
+from handfast.proofs.constants import MAX_ETA
 from handfast.stability.problem.settings import Loading
 
 

@@ -15,7 +15,7 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.proofs.answers import END_TOLERANCE
+from handfast.proofs.constants import END_TOLERANCE
 from handfast.stability.answers.load_path import PathsFromRest
 from handfast.stability.answers.max_query import max_goal
 from handfast.stability.problem import judge, scaled_problem

@@ -20,7 +20,7 @@ from handfast.core.errors import InputError, kinds_checked, refuse_other_kinds
 from handfast.core.presented import Presented
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Contact, Grasp
-from handfast.proofs.question import MAX_ETA
+from handfast.proofs.constants import MAX_ETA
 from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.answers.batch_answer import INTERRUPTED

@@ -14,8 +14,8 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.proofs import path_steps
 from handfast.proofs.answers import VERDICTS
+from handfast.proofs.constants import MAX_ETA
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields, number, numbers
-from handfast.proofs.question import MAX_ETA
 from handfast.proofs.replay import SEARCH_STOPS, Replay
 from handfast.readers import grasp_file
 from handfast.stability.problem.grasp_limits import AskedWith, GraspLimits

@@ -15,7 +15,7 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.core.groups import Block, table
 from handfast.proofs.configurations import ContactPoint, Existence
-from handfast.proofs.synthesis import RADIAN_LENGTH
+from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.synthesis.search.library import LIBRARY
 from handfast.synthesis.search.workspace import (
     PLACEMENT_NUMBERS,
