@@ -397,13 +397,13 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     grasp = {"schema": "handfast/grasp/1", "contacts": contacts, "joints": [joint]}
     asked = {"grasp": grasp, "goal": "check", "wrench": [1.0, 0, 0, 0, 0, 0], "eta": eta, "force_limit": 2.0}
     q = read_question(asked, "")
-    p, g = Problem.of(q, q.grasp.command, q.wrench), q.grasp
+    p, g = Problem.of(q, q.grasp.command, q.wrench, np.array([0.5, -1, 2, 0.1, 0, 0.3]), 0.25), q.grasp
     modes = Modes(
         np.full(4, states.ContactMode.SLIDES), np.arange(4) == 0, np.full(1, Part.LOCKED), np.full(1, Part.FREE)
     )
     none = np.zeros(1)
     x = State(np.array([0.3, -0.2, 0.5, 2.0, -3.0, 1.0]), none, np.ones(12), none, np.zeros(0), none, np.zeros(4))
-    system = System.of(p, modes, x, False)
+    system = System.of(p, modes, x, True)
     with ctx.workprec(BITS):
         balls = Balls(system)
         derivative = balls.derivative(balls.at(balls.start)[2])
@@ -412,7 +412,7 @@ def test_derivatives_in_balls_are_those_in_floats(eta: float) -> None:
     np.testing.assert_allclose(floats, system.A, rtol=1e-10, atol=1e-10 * np.abs(system.A).max())
     assert system.linear.tolist() == [False] * 7 + [True, False]  # all contacts slide: nothing else is linear
     still = replace(modes, contact=np.full(4, states.ContactMode.STICKS))
-    system = System.of(p, still, x, False)
+    system = System.of(p, still, x, True)
     exact = np.array(system.exact, dtype=object).astype(float)
     np.testing.assert_allclose(exact[:, :-1], system.A, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(exact[:, -1], system.value, rtol=1e-12, atol=1e-12)

@@ -108,7 +108,7 @@ class ModeEquations:
         p, g, nv = self.p, self.p.grasp, M.shape[1]
         d, phi, magnitude = M @ x[:nv], number(self.rows.given), x[-1] if self.sought else number(p.magnitude)
         laws = Laws.of(p, self.modes, d, self.printed, number, smooth)
-        phi[laws.rows] += laws.force
+        phi[laws.rows] = laws.force
         phi[self.unknown] = x[nv : nv + len(self.unknown)]
         phi[-1] = number(0.0)
         load = number(np.concatenate([p.wrench, g.torque]))
@@ -175,13 +175,13 @@ class System:
         if not np.isfinite(change).all():
             part = f"contact {np.flatnonzero(modes.closed)[np.argmax(change)]}"
             raise NotShown(f"{part} slides by so little that its direction is not known", part, alone=True)
-        steep = np.abs(laws.force[:, 0]) / laws.speed  # that is not 0: then its direction is not known
-        K_off = change + 32 * UNIT_ROUNDOFF * (1.0 + laws.rub * (1.0 + steep))
+        # rounding of what slides, a few ulp of mu (1 + c_n / |d_t|), is below `change`: `off` is 64 ulp of d or more
+        K_off = change + 32 * UNIT_ROUNDOFF
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
         force_off += laws.rounding(p, d)[:, None]
         phi_off = np.zeros(len(phi))
-        phi_off[laws.rows] += force_off
-        phi_off[e.unknown] = phi_off[-1] = 0.0
+        phi_off[laws.rows] = force_off
+        phi_off[e.unknown] = 0.0
 
         along = np.zeros(6) if p.along is None else p.along
         load_size = np.concatenate([np.abs(p.wrench) + np.abs(p.magnitude * along), np.abs(g.torque)])
@@ -214,9 +214,6 @@ class System:
     @cached_property
     def regular(self) -> bool:
         """Has A a right inverse that is not too large?"""
-        k, n = self.A.shape
-        if k > n:
-            return False
         try:
             C = self.inverse
         except NotShown:
@@ -227,9 +224,7 @@ class System:
     def _without_dependent(self) -> System:
         """Without equations that others follow from, if they do so exactly; else as it is."""
         scaled = self.units[:, None] * self.A * self.columns
-        order = np.argsort(self.linear, kind="stable")  # what is not linear first
-        chosen = greedy(scaled[order] / np.maximum(np.linalg.norm(scaled[order], axis=1, keepdims=True), 1e-300))
-        kept = np.sort(order[chosen])
+        kept = greedy(scaled / np.maximum(np.linalg.norm(scaled, axis=1, keepdims=True), 1e-300))
         others = np.setdiff1d(np.arange(len(scaled)), kept)
         if not len(others) or not self.linear[others].all():
             return self
