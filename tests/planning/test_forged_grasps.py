@@ -20,7 +20,6 @@ from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify import difference, question_of
 from handfast.proofs import grasps
-from handfast.proofs.existence import prove
 from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.solution import Solution
@@ -50,10 +49,11 @@ def saved() -> Data:
 
 @pytest.mark.parametrize("name", slow_after(24, FORGED))
 @pytest.mark.slow
+@pytest.mark.usefixtures("proved_once")
 def test_a_forged_file_is_refused(saved: Data, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     change, match = FORGED[name]
     if NO_STATE not in match:  # what is wrong is found without a proof: most modes that a state may have are left out
-        monkeypatch.setattr(grasps, "prove", partial(prove, tries=1))
+        monkeypatch.setattr(grasps, "prove", partial(grasps.prove, tries=1))
     else:
         saved = first_alone(saved)
     data = copy.deepcopy(saved)

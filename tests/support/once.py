@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs import answers, checker, ranges
+from handfast.proofs import answers, checker, grasps, ranges
 from handfast.stability.answers.answer import Answer
 from handfast.stability.studies.ask_again import Claim, Clock
 
@@ -38,8 +38,11 @@ def _question(claim: Claim, query: Callable[..., Answer], load: np.ndarray, cloc
     return claim.grasp, claim.terms, claim.gap, query, load, clock.question_timeout, more
 
 
-PROOFS = (  # of witnesses, certificates and arcs
-    (answers, "prove", once(answers.prove)),
+PROVED = once(answers.prove)
+PROOFS = (  # of witnesses, certificates, arcs, and what motors can do
+    (answers, "prove", PROVED),
+    (grasps, "prove", PROVED),
+    (grasps, "contact_force_limits", once(grasps.contact_force_limits)),
     (checker, "verify", once(checker.verify)),
     (ranges, "replayed", once(ranges.replayed)),
 )
