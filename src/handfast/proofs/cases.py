@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from handfast.proofs.question import Question
 HALF_TURN = TURN_DIRECTIONS // 2  # a sector is narrower than this
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
 FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = ActuatorState
+STATES = max(len(ContactState), len(ActuatorState))
 DECIDED = "it is decided already, or cannot move"
 MIN_PATCH, MAX_PATCH = 8, 2**31 - 1  # numbers of patches
 OCTANTS = range(8, 16)
@@ -120,18 +120,12 @@ def leaf_cases(q: Question, parent: Integers, part: Integers, change: Integers) 
 
 def _cases(parent: Integers, part: Integers, change: Integers, parts: int) -> Integers:
     """(N, parts, 3) of all nodes: the root is UNDECIDED and FREE everywhere."""
-    depth, above = (parent >= 0).astype(np.int64), parent.copy()
-    while (above >= 0).any():
-        depth += np.where(above >= 0, depth[above], 0)
-        above = np.where(above >= 0, above[above], -1)
-    cases = np.zeros((len(parent), parts, 3), dtype=np.int64)
-    order = np.argsort(depth, kind="stable")
-    ends = np.cumsum(np.bincount(depth))
-    for begin, end in pairwise(ends):
-        level = order[begin:end]
-        cases[level] = cases[parent[level]]
-        cases[level, part[level]] = change[level]
-    return cases
+    last = np.where(part[:, None] == np.arange(parts), np.arange(len(parent))[:, None], 0)  # node that changed a part
+    last[0], above = 0, np.maximum(parent, 0)
+    while above.any():
+        last = np.where(last > 0, last, last[above])
+        above = above[above]
+    return np.where((last > 0)[:, :, None], change[last], 0)
 
 
 def _refuse(bad: Mask, why: Callable[[int], str]) -> None:
@@ -155,7 +149,9 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
         """(N,) how many of a node's children are so."""
         return np.bincount(of[which], minlength=len(parent))
 
-    children, bare = count(np.ones(len(of), dtype=bool)), count(plain)
+    named = np.where((new >= 0) & (new < STATES), new, STATES)
+    tally = np.bincount((STATES + 1) * of + named, minlength=(STATES + 1) * len(parent)).reshape(-1, STATES + 1)
+    children, bare = tally.sum(axis=1), count(plain)
     is_split, of_actuator = children > 0, split >= m
     soft = ~of_actuator & (np.append(q.soft_fingers >= 0, False)[np.where(of_actuator, m, split)])
     may_move = np.append(q.may_move, False)[np.where(of_actuator, split - m, q.actuators)]
@@ -165,7 +161,7 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
     )
 
     def both(one: int, other: int) -> Mask:
-        return two & (count(new == one) == 1) & (count(new == other) == 1)
+        return two & (tally[:, one] == 1) & (tally[:, other] == 1)
 
     undecided = ~of_actuator & (state == UNDECIDED)
     later = ~of_actuator & ~undecided
@@ -189,21 +185,22 @@ def _check_splits(q: Question, parent: Integers, split: Integers, change: Intege
     refuse(decided, "it is decided already")
 
     # a soft finger sticks or slides in one of eight octants, a patch is halved
-    whole, half = sliding & (state == CLOSED), sliding & (state == SLIDE)
-    base = np.where(whole, OCTANTS[0], 2 * left)
-    place = a - base[of]
-    patches = (new == SLIDE) & (b == 0) & (place >= 0) & (place < np.where(whole, len(OCTANTS), 2)[of])
-    distinct = np.zeros(len(parent), dtype=np.int64)
-    np.bitwise_or.at(distinct, of[patches], 1 << place[patches])
-    stuck = (new == STICK) & plain
-    octants = (children == 9) & (distinct == 255) & (count(stuck) == 1)
-    halves = (children == 2) & (distinct == 3) & (2 * left + 1 <= MAX_PATCH)
-    refuse(whole & ~octants, f"needs STICK and the patches {OCTANTS[0]} to {OCTANTS[-1]}")
-    refuse(sliding & ~whole & ~(half & halves), "needs the two halves of its patch")
+    if sliding.any():
+        whole, half = sliding & (state == CLOSED), sliding & (state == SLIDE)
+        base = np.where(whole, OCTANTS[0], 2 * left)
+        place = a - base[of]
+        patches = (new == SLIDE) & (b == 0) & (place >= 0) & (place < np.where(whole, len(OCTANTS), 2)[of])
+        distinct = np.zeros(len(parent), dtype=np.int64)
+        np.bitwise_or.at(distinct, of[patches], 1 << place[patches])
+        stuck = (new == STICK) & plain
+        octants = (children == 9) & (distinct == 255) & (count(stuck) == 1)
+        halves = (children == 2) & (distinct == 3) & (2 * left + 1 <= MAX_PATCH)
+        refuse(whole & ~octants, f"needs STICK and the patches {OCTANTS[0]} to {OCTANTS[-1]}")
+        refuse(sliding & ~whole & ~(half & halves), "needs the two halves of its patch")
 
     # sectors: of an open contact, of one that slides, of one that is closed: by (7) friction and -d_t are then on one
     # side of any line; or it sticks, in all of its sector, or slides
-    all_closed = closing & (state == CLOSED) & (count(new == CLOSED) == children)
+    all_closed = closing & (state == CLOSED) & (tally[:, CLOSED] == children)
     sticks = closing & (state == CLOSED) & ~all_closed
     kind = np.select([all_closed, closing & (state == OPEN)], [int(CLOSED), int(OPEN)], int(SLIDE))
     is_stuck = (new == STICK) & sticks[of]

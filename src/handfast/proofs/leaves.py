@@ -133,7 +133,7 @@ class LeafSystems:
         self.error = ENTRY_ROUNDING + 4 * terms * UNIT_ROUNDOFF
 
         self.touches, self.stated = size > 0, rows.y * self.unit[self.which]
-        self.rest = rest = self._summed(self.stated[:, None] * self.F[self.which])
+        self.rest = rest = self._weighed(self.stated)
         v = -rest @ q.inverse
         alone = self.count == 0  # the equilibrium contradicts itself
         self.own_h = self.h.copy()
@@ -174,6 +174,12 @@ class LeafSystems:
         if len(x):
             out[self.some] = np.add.reduceat(x, self.begin, axis=0)
         return out
+
+    def _weighed(self, y: Array) -> Array:
+        """(L, n) of each leaf, its rows times y (R,)."""
+        rows = self.F[self.which]
+        rows *= y[:, None]
+        return self._summed(rows)
 
     def _top(self, x: Array) -> Array:
         """(L,) the largest of the rows of each leaf."""
@@ -432,7 +438,7 @@ class LeafSystems:
         for square in squares:
             w[square.places] -= square.solution(rest)
         y, v = w[:R], w[R:-1].reshape(L, p)
-        rest = self._summed(y[:, None] * self.F[self.which]) + v @ self.E
+        rest = self._weighed(y) + v @ self.E
         sizes = self._summed(np.abs(y) * self.largest[self.which]) + np.abs(v) @ self.E_largest
         bound = self.error * sizes * SUM_INFLATION + 1e-300
         change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
@@ -486,13 +492,12 @@ class Square:
         end = R + len(systems.count) * p
         self.places = np.where(index < R, index, np.where(there, index + leaves[:, None] * p, end))
         self.X = X = _inverse(B)
-        sizes = np.abs(X).sum(axis=2)
-        off = B @ X
+        self._sizes, ones, off = np.abs(X), np.ones(side), B @ X
         off[:, diagonal, diagonal] -= 1.0
-        off = np.abs(off)
+        np.abs(off, out=off)
         largest = np.maximum(np.concatenate([systems.largest, systems.E_largest, [1.0]]), 1.0)[row]
-        rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * SUM_INFLATION
-        self._rows = (off.sum(axis=2) * SUM_INFLATION + rounding).max(axis=1, initial=0.0)
+        rounding = systems.error * largest * (self._sizes @ ones).sum(axis=1)[:, None] * SUM_INFLATION
+        self._rows = (off @ ones * SUM_INFLATION + rounding).max(axis=1, initial=0.0)
         self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
         self.regular = self._rows < 0.5
 
@@ -511,7 +516,7 @@ class Square:
 
         With B X = 1 + D, d B = r: d = r X - d D, hence |d|_1 <= |r X|_1 / (1 - the largest row sum of |D|).
         """
-        at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * SUM_INFLATION
+        at_most = (self._of(residual) @ self._sizes)[:, 0] * SUM_INFLATION
         whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * SUM_INFLATION
         return np.where(
             self.regular[:, None], at_most + whole[:, None] * self._columns * SUM_INFLATION, 0.0

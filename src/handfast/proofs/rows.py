@@ -121,6 +121,11 @@ def bounds(q: Question, scalar: Range | None) -> tuple[Array, Array]:
 # --- which rows hold --------------------------------------------------------------------------------
 
 
+def _still(state: Integers) -> Mask:
+    """Is t = 0 in an actuator's state?"""
+    return np.asarray((state == LOCKED) | (state == HIGH) | (state == LOW))
+
+
 def known(q: Question, rows: LeafRows) -> Mask:
     """(R,) bool: is there such a kind, and the contact, actuator, column or reference that it is about?"""
     real = (rows.kind >= 0) & (rows.kind < 32)
@@ -156,11 +161,12 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     )
     commanded = may_move & ~driven
     always = np.ones(len(kind), dtype=bool)
-    out = np.zeros(len(kind), dtype=bool)
+    out, cited = np.zeros(len(kind), dtype=bool), np.bincount(kind, minlength=32).tolist()
 
     def put(condition: Mask, *kinds: Row) -> None:
         for k in kinds:
-            np.copyto(out, condition, where=kind == k)
+            if cited[k]:
+                np.copyto(out, condition, where=kind == k)
 
     put(always, Row.CN_UP, Row.TANGENT, Row.T_UP)
     put(opens, Row.CN_DOWN)
@@ -173,7 +179,7 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     put(still | leftish, Row.D_LEFT)
     put(still | rightish, Row.D_RIGHT)
     put(still, Row.STILL_1_UP, Row.STILL_1_DOWN, Row.STILL_2_UP, Row.STILL_2_DOWN)
-    put(np.isin(state, STILL_ACTUATORS) | ~may_move, Row.T_DOWN)
+    put(_still(state) | ~may_move, Row.T_DOWN)
     put(commanded | (driven & (moves | (state == ABOVE))), Row.E_UP)
     put((commanded & moves) | (driven & (state == LOW)), Row.E_DOWN)
     put(driven & (moves | (state == BELOW)), Row.S_UP)
@@ -212,7 +218,7 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
     may_move, driven = np.append(q.may_move, False)[j], np.append(q.is_driven, False)[j]
     still = ((kind >= Row.STILL_1_UP) & (kind <= Row.STILL_2_DOWN)) | (kind == Row.TURN_UP) | (kind == Row.TURN_DOWN)
     gap = ((kind == Row.GAP_UP) | (kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= CLOSED)
-    fixed = ((kind == Row.T_UP) | (kind == Row.T_DOWN)) & (np.isin(state, STILL_ACTUATORS) | ~may_move)
+    fixed = ((kind == Row.T_UP) | (kind == Row.T_DOWN)) & (_still(state) | ~may_move)
     given = ((kind == Row.E_UP) | (kind == Row.E_DOWN)) & (state == MOVES) & ~driven
     return np.asarray(still | gap | fixed | given)
 
@@ -220,7 +226,7 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
 def zeros(q: Question, cases: Integers) -> Mask:
     """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints that are locked."""
     at, m = Columns.of(q), q.grasp.m
-    opened, locked = cases[:, :m, 0] == OPEN, np.isin(cases[:, m:, 0], STILL_ACTUATORS) | ~q.may_move
+    opened, locked = cases[:, :m, 0] == OPEN, _still(cases[:, m:, 0]) | ~q.may_move
     locked = locked & (q.equivalent.slack == 0)  # else t = -slack
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)
