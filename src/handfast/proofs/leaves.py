@@ -300,14 +300,16 @@ class LeafSystems:
         place += self.rows.start[leaves][own]
         own, place = own[self.used[place]], place[self.used[place]]
         which, ends = self.which[place], np.searchsorted(own, np.arange(len(leaves) + 1))
+        some = ends[:-1] < ends[1:]
         values, touches = self.rows.value[which] != 0, self.touches[which]
         alive, used_E = self.alive[leaves], self.used_E[leaves]
 
         def of_leaf(rows: Mask) -> Integers:
             """(C, ...) how many of the used rows."""
-            total = np.cumsum(rows, axis=0, dtype=np.int64)
-            total = np.concatenate([np.zeros((1, *rows.shape[1:]), dtype=np.int64), total])
-            return np.asarray(total[ends[1:]] - total[ends[:-1]])
+            total = np.zeros((len(leaves), *rows.shape[1:]), dtype=np.int64)
+            if len(rows):
+                total[some] = np.add.reduceat(rows, ends[:-1][some], axis=0, dtype=np.int64)
+            return total
 
         def by_contact(columns: Mask) -> Mask:
             return columns[:, 0::3] | columns[:, 1::3] | columns[:, 2::3]
@@ -339,10 +341,10 @@ class LeafSystems:
             counted = []
             still = turns + sum(fewer for _, fewer in joints)
             for block, fewer, fewer_of_E in ((motions, still, 0), (~motions, lost, torques)):
-                some = alive & block
-                rows = of_leaf((touches & some[own]).any(axis=1)) - fewer_of_E
-                rows += (used_E & (some.astype(float) @ self.E_touches.T > 0)).sum(axis=1)
-                counted.append(np.minimum(rows, some.sum(axis=1) - fewer))
+                unknowns = alive & block
+                rows = of_leaf((touches & unknowns[own]).any(axis=1)) - fewer_of_E
+                rows += (used_E & (unknowns.astype(float) @ self.E_touches.T > 0)).sum(axis=1)
+                counted.append(np.minimum(rows, unknowns.sum(axis=1) - fewer))
             return np.column_stack(counted).astype(np.int64)
         bare_columns = np.zeros_like(alive)
         bare_columns[:, at.c] = alive[:, at.c] & np.repeat(bare, 3, axis=1)
@@ -498,7 +500,7 @@ class Square:
         largest = np.maximum(np.concatenate([systems.largest, systems.E_largest, [1.0]]), 1.0)[row]
         rounding = systems.error * largest * (self._sizes @ ones).sum(axis=1)[:, None] * SUM_INFLATION
         self._rows = (off @ ones * SUM_INFLATION + rounding).max(axis=1, initial=0.0)
-        self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
+        self._columns = ones @ off * SUM_INFLATION + rounding.max(axis=1, initial=0.0)[:, None]
         self.regular = self._rows < 0.5
 
     def _of(self, residual: Array) -> Array:
@@ -642,5 +644,5 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     if not np.isfinite(cost):
         return UNBOUNDED_RANGE
     value = sum(terms, ZERO) - rational(cost)
-    weight = float(q.reach(left[None], np.abs(left)[None] * 1e-9)[0])
+    weight = float(q.reach(left[None], np.abs(left)[None] * 1e-9)[0]) if left.any() else 0.0
     return rounded(value / size), (max(rounded(value), 0.0) / (2 * weight) if weight > 0 else np.inf)
