@@ -16,7 +16,19 @@ from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.fields import exact
 from handfast.proofs.grasp import GraspData, StartData
-from handfast.proofs.near import Near, _Curve, _norm, _projected, along, bernstein, controls_of, least_norm, near
+from handfast.proofs.near import (
+    Near,
+    _Curve,
+    _norm,
+    _projected,
+    along,
+    bernstein,
+    controls_of,
+    least_norm,
+    near,
+    nodes,
+    product,
+)
 from handfast.proofs.question import read_question
 from handfast.proofs.states import ContactMode as Kind
 from handfast.proofs.states import Part, Problem, State
@@ -638,6 +650,15 @@ def test_a_contact_opens_as_it_slides_where_its_normal_is_not_known() -> None:
         assert shown or found.where == "the law of contact 0"
         twisted = near(p, replace(x, torsion=np.array([0.1, 0.0])))
         assert (twisted.missed, twisted.where) == (np.inf, "torsion of a point contact")
+
+
+def test_products_of_curves_are_those_of_their_points() -> None:
+    """(1 + t^2) (3 t^3 - t), cubic controls each: the product's control values by hand."""
+    a, b = np.array([[1], [1], [4 / 3], [2]]), np.array([[0], [-1 / 3], [-2 / 3], [2]])
+    by_hand = np.array([0, -1 / 6, -1 / 3, -2 / 5, -4 / 15, 2 / 3, 4])[:, None]
+    assert product(a, b) == pytest.approx(by_hand, abs=1e-15)
+    assert product(a, b).shape == by_hand.shape
+    assert nodes(2) == pytest.approx([0, 0.5, 1])
 
 
 def test_control_values_are_those_of_a_polynomial() -> None:

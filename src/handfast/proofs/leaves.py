@@ -217,7 +217,7 @@ class LeafSystems:
             left, rank = left[known], rank[known]
             self.more[:, left] = alive[left] - rank, many[left] - 1 - rank
             margins = np.maximum(margins, self._enclosed(self._squares(left)))
-        gap = np.abs(self.equations.grasp.gaps).max(initial=0.0)
+        gap = np.abs(self.equations.grasp.gaps).max()
         if not quick and not (margins > 0).all():
             self._use(self.stated_v)
         for least, again in ((PIVOT_TOLERANCE, False), (PIVOT_TOLERANCE, True), *((x, True) for x in COARSE_PIVOTS)):
