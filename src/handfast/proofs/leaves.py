@@ -215,6 +215,7 @@ class LeafSystems:
             rank = self._most_ranks(left, by_entries=True).sum(axis=1)
             known = rank < np.minimum(many, counted)[left]
             left, rank = left[known], rank[known]
+        if len(left):
             self.more[:, left] = alive[left] - rank, many[left] - 1 - rank
             margins = np.maximum(margins, self._enclosed(self._squares(left)))
         gap = np.abs(self.equations.grasp.gaps).max()
