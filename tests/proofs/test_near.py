@@ -652,6 +652,21 @@ def test_a_contact_opens_as_it_slides_where_its_normal_is_not_known() -> None:
         assert (twisted.missed, twisted.where) == (np.inf, "torsion of a point contact")
 
 
+def test_what_is_not_known_of_a_length_counts_with_the_largest_force() -> None:
+    """It slides from y to z while c_n grows from 1 to 3 N. |d_t|^2 has the controls 1, 0, 1, and 1, 1, 1 stands for it.
+
+    |d_t| >= 1 / sqrt 2 =: s is off by 1 / (1 + s) at most. In mu N, c_t |d_t| + mu c_n d_t has the controls 0, 2, 0 and
+    3 times that along d_t, across it 0, 1, 0.
+    """
+    ends = [((-1, 1, 0), (1, -0.5, 0)), ((-3, 0, 1), (3, 0, -1.5))]
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.5)], [])
+    (p, x), (q, y) = (asked(grasp, [1, 0, 0, 0, 0, 0], {"r": [*d, 0, 0, 0], "forces": [c]}) for d, c in ends)
+    s = 0.5**0.5
+    for found in (on_a_curve(p, x, y, p.wrench), on_a_curve(q, y, x, q.wrench)):
+        assert found.modes.contact[0] == Kind.SLIDES
+        assert found.changed == pytest.approx(0.5 * np.hypot(2 + 3 / (1 + s), 1) / s, rel=1e-6)
+
+
 def test_products_of_curves_are_those_of_their_points() -> None:
     """(1 + t^2) (3 t^3 - t), cubic controls each: the product's control values by hand."""
     a, b = np.array([[1], [1], [4 / 3], [2]]), np.array([[0], [-1 / 3], [-2 / 3], [2]])
