@@ -12,7 +12,7 @@ from flint import fmpq
 
 from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp
-from handfast.proofs.grasp import StartData
+from handfast.proofs.grasp import StartData, read_grasp
 from handfast.proofs.newton import (
     PRIME,
     ModeEquations,
@@ -394,3 +394,50 @@ def test_balances_that_follow_from_each_other_contradict_only_another_load(more:
     x = State.of(p.grasp, np.array([-1.0, 0, 0, 0, 0, 0]), np.array([1.0, 0, 0, 0]))
     system = System.of(p, modes, x, False)
     assert (system.used.tolist() == [0], system.contradictory) == (not so, so)
+
+
+@pytest.mark.parametrize(
+    ("joint", "mode", "idle"),
+    [
+        ({}, P.FREE, True),
+        ({"torque": 0.1}, P.FREE, False),
+        ({"friction": 0.2}, P.MOVES, False),  # its friction is given
+        ({"friction": 0.2}, P.RESTS, False),
+    ],
+)
+def test_a_joint_that_no_contact_loads_is_idle_only_without_a_torque(joint: Any, mode: int, idle: bool) -> None:
+    turning = {"name": "a", "axis": [0, 0, 1], "origin": [0.1, 0, 0], "moves": [0]} | joint
+    contact = {"position": [0, 0, 0], "normal": [1, 0, 0], "friction": 0.5}
+    g = read_grasp({"schema": "handfast/grasp/1", "contacts": [contact], "joints": [turning]}, "")
+    modes = Modes(np.array([C.OPEN]), np.zeros(1, dtype=bool), np.full(g.a, P.MOVES), np.array([mode]))
+    x = State.of(g, np.zeros(7), np.zeros(len(g.rows[0])))
+    e = ModeEquations.of(Problem(g, np.zeros(6)), modes, x, False)
+    assert e.idle.tolist() == [True] * 6 + [idle]
+    exact, carries = g.exact_table.copy(), e.rows.unknown | (e.rows.given != 0)
+    exact[carries, 3] = fmpq(1, 2**2000)  # which no float shows
+    g._exact_tables[:] = [exact]
+    assert e.idle[3] != carries.any() == ("friction" in joint)
+
+
+def test_an_equation_that_is_not_linear_is_never_left_out() -> None:
+    """The friction of a contact that slides is a share of what it presses with: no line, and nothing balances it."""
+    p, none = problem(Grasp([Contact([0.5, 0, 0], [1, 0, 0], 0.5)]), [-1.0, 0, 0]), np.zeros(0, dtype=np.int64)
+    modes = Modes(np.array([C.SLIDES]), np.zeros(1, dtype=bool), none, none)
+    x = State.of(p.grasp, np.array([-1.0, -1.0, 0, 0, 0, 0]), np.array([1.0, 0.5, 0, 0]))
+    system = System.of(p, modes, x, False)
+    assert system.used.tolist() == [0, 1, 2, 4, 5]
+    assert not system.linear.any()
+    with pytest.raises(NotShown):
+        system.box()
+
+
+@pytest.mark.parametrize(("across", "so"), [(0.001, False), (0.0, True)])
+def test_a_magnitude_may_settle_what_no_motion_does(across: float, so: bool) -> None:
+    """0.001 N across is carried by nothing: there is none where the magnitude is 1, if it has a part in that."""
+    p = pressed([-1.0, 0, 0, 0, 0, 0]).p
+    wrench, along = np.array([0, 0, -0.001, 0, 0, 0]), np.array([-1.0, 0, across, 0, 0, 0])
+    p = replace(p, wrench=wrench, along=along, magnitude=2.0)
+    none = np.zeros(0, dtype=np.int64)
+    modes = Modes(np.array([C.SLIDES]), np.zeros(1, dtype=bool), none, none)
+    x = State.of(p.grasp, np.array([-1.0, 0, 0, 0, 0, 0]), np.array([1.0, 0, 0, 0]))
+    assert System.of(p, modes, x, True).contradictory is so
