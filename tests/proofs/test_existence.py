@@ -445,9 +445,7 @@ def test_inequalities_are_kept_by_as_much_all_over_a_box(family):
     g = p.grasp
     p = replace(p, torque_limit=np.abs(x.f) + 1.0, force_limit=np.abs(x.c).max() + 1.0)
     modes = likeliest(p, x)
-    every = [
-        replace(modes, contact=np.full(g.m, k), joint=np.full(g.l, j)) for k, j in zip(range(6), range(6), strict=True)
-    ]
+    every = [replace(modes, contact=np.full(g.m, k), joint=np.full(g.l, k)) for k in range(6)]
     for tried, box, points in boxes(p, x, every):
         both = zip(slacks(p, tried, box), slacks(p, tried, points), strict=True)
         for (name, what, least, applies), (_, _, values, _) in both:

@@ -238,8 +238,7 @@ class System:
     def contradictory(self) -> bool:
         """Do the linear equations contradict each other, exactly?"""
         every = [self.exact[i] for i in np.flatnonzero(self.linear)]
-        most = _integers([row[:-1] for row in every]).rank() if every else 0
-        return bool(every) and nmod_mat(_integers(every), PRIME).rank() > most
+        return bool(nmod_mat(_integers(every), PRIME).rank() > _integers([row[:-1] for row in every]).rank())
 
     @cached_property
     def linear(self) -> Mask:

@@ -31,7 +31,7 @@ from handfast.proofs.cases import (
     patch,
 )
 from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.kinds import CONE_WIDENING, TURN_DIRECTIONS, Row
+from handfast.proofs.kinds import CONE_WIDENING, TURN_DIRECTIONS, ActuatorState, Row
 from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, Range
 from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, load_scale
 
@@ -43,6 +43,7 @@ ROW_KINDS = frozenset(int(row) for row in Row)
 OF_CONTACT = np.isin(np.arange(32), [k for k in ROW_KINDS if k <= Row.STILL_2_DOWN or Row.ENERGY < k < Row.S_DOWN])
 OF_ACTUATOR = np.isin(np.arange(32), [*range(Row.T_UP, Row.BOUND_UP), Row.S_DOWN])
 STILL_ACTUATORS = LOCKED, HIGH, LOW  # t = 0
+IS_STILL = np.isin(np.arange(len(ActuatorState)), STILL_ACTUATORS)
 IS_KIND = np.isin(np.arange(32), list(ROW_KINDS))
 
 
@@ -121,11 +122,6 @@ def bounds(q: Question, scalar: Range | None) -> tuple[Array, Array]:
 # --- which rows hold --------------------------------------------------------------------------------
 
 
-def _still(state: Integers) -> Mask:
-    """Is t = 0 in an actuator's state?"""
-    return np.asarray((state == LOCKED) | (state == HIGH) | (state == LOW))
-
-
 def known(q: Question, rows: LeafRows) -> Mask:
     """(R,) bool: is there such a kind, and the contact, actuator, column or reference that it is about?"""
     real = (rows.kind >= 0) & (rows.kind < 32)
@@ -179,7 +175,7 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     put(still | leftish, Row.D_LEFT)
     put(still | rightish, Row.D_RIGHT)
     put(still, Row.STILL_1_UP, Row.STILL_1_DOWN, Row.STILL_2_UP, Row.STILL_2_DOWN)
-    put(_still(state) | ~may_move, Row.T_DOWN)
+    put(IS_STILL[state] | ~may_move, Row.T_DOWN)
     put(commanded | (driven & (moves | (state == ABOVE))), Row.E_UP)
     put((commanded & moves) | (driven & (state == LOW)), Row.E_DOWN)
     put(driven & (moves | (state == BELOW)), Row.S_UP)
@@ -218,7 +214,7 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
     may_move, driven = np.append(q.may_move, False)[j], np.append(q.is_driven, False)[j]
     still = ((kind >= Row.STILL_1_UP) & (kind <= Row.STILL_2_DOWN)) | (kind == Row.TURN_UP) | (kind == Row.TURN_DOWN)
     gap = ((kind == Row.GAP_UP) | (kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= CLOSED)
-    fixed = ((kind == Row.T_UP) | (kind == Row.T_DOWN)) & (_still(state) | ~may_move)
+    fixed = ((kind == Row.T_UP) | (kind == Row.T_DOWN)) & (IS_STILL[state] | ~may_move)
     given = ((kind == Row.E_UP) | (kind == Row.E_DOWN)) & (state == MOVES) & ~driven
     return np.asarray(still | gap | fixed | given)
 
@@ -226,7 +222,7 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
 def zeros(q: Question, cases: Integers) -> Mask:
     """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints that are locked."""
     at, m = Columns.of(q), q.grasp.m
-    opened, locked = cases[:, :m, 0] == OPEN, _still(cases[:, m:, 0]) | ~q.may_move
+    opened, locked = cases[:, :m, 0] == OPEN, IS_STILL[cases[:, m:, 0]] | ~q.may_move
     locked = locked & (q.equivalent.slack == 0)  # else t = -slack
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)

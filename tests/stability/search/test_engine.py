@@ -18,6 +18,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
+from handfast.proofs.files import verify
 from handfast.proofs.kinds import ContactState
 from handfast.stability.answers.check_query import ask as check
 from handfast.stability.problem import scaled_problem
@@ -149,6 +150,9 @@ def test_a_limit_that_nothing_comes_near_is_left_out(proved_once: None) -> None:
     assert proved.ok
     assert cap == answer.to_json()["motion_cap"]
     assert 1e3 * answer.upper < cap < 1e4 * answer.upper
+    forged = answer.to_file()
+    forged["answer"]["motion_cap"] = 2 * cap
+    assert verify(forged).reason == "answer: motion_cap is not what the rest of the file shows"
     assert "not 10000 times the forces in play" in replace(answer, stop=Stop.COMPLETE).verify().reason
 
 
