@@ -120,6 +120,7 @@ class _Compiler(CompilerBase):
 
     def __init__(self, typing: Any, target: Any, library: Any, arguments: Any, returns: Any, flags: Any, *rest: Any):
         flags.no_compile, flags.nrt = True, False
+        flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
         library = library or _CODE.create_library("part")
         super().__init__(typing, target, library, arguments, returns, flags, *rest)
 
