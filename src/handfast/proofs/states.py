@@ -416,14 +416,18 @@ class Laws:
             speed[turns] = np.sqrt((D[turns, 1:] ** 2).sum(axis=1))
             u[turns] = D[turns, 1:] / np.where(speed[turns] > 0, speed[turns], np.inf)[:, None]
             normal[turns] -= sin * speed[turns]
-        by_d = np.concatenate([np.full((n, 1), -cos), -sin * u], axis=1)
+        by_d, K, force = np.empty((n, 4), D.dtype), np.empty((n, 4, 4), D.dtype), np.empty((n, 4), D.dtype)
+        by_d[:, 0], by_d[:, 1:] = -cos, -sin * u
         share = leans - by_speed[:, None] * u
-        K = np.concatenate([by_d[:, None], share[:, :, None] * by_d[:, None]], axis=1)
-        for k in np.flatnonzero(rub > 0):
+        K[:, 0], K[:, 1:] = by_d, share[:, :, None] * by_d[:, None]
+        force[:, 0], force[:, 1:] = normal, normal[:, None] * share
+        slides = (rub > 0).nonzero()[0]
+        if len(slides):
             with np.errstate(divide="ignore", invalid="ignore"):
-                turned = by_speed[k] * normal[k] / speed[k]
-                K[k, 1:, 1:] -= turned * (number(np.eye(3)) - u[k, :, None] * u[k, None, :])
-        return cls(rows, np.concatenate([normal[:, None], normal[:, None] * share], axis=1), K, speed, rub, lean)
+                turned = by_speed[slides] * normal[slides] / speed[slides]
+                own = u[slides]
+                K[slides, 1:, 1:] -= turned[:, None, None] * (number(np.eye(3)) - own[:, :, None] * own[:, None])
+        return cls(rows, force, K, speed, rub, lean)
 
     def rounding(self, p: Problem, d: Array) -> Array:
         """(n,) of the forces at these motions, at most."""
