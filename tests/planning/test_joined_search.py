@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.body import Body
 from handfast.model.region import Cap
 from handfast.model.shape import Shape
+from handfast.planning.evaluation import local_search
 from handfast.planning.evaluation.evaluator import requests
 from handfast.planning.joined_search import NO_CLAIM, ContactSetSearch
 from handfast.planning.results import grasps_file
@@ -221,7 +223,7 @@ def never_discarded(part: ContactSetSearch, x: Array, chart: int, others: Intege
     return int((tried >= 0).sum())
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.slow
 def test_boxes_about_free_configurations_are_never_discarded(seed: int) -> None:
     """Of one contact, drawn at random among solids: mujoco measures that nothing is too deep in anything."""
@@ -267,7 +269,11 @@ def test_boxes_about_configurations_of_synthesis_are_never_discarded(make: Any) 
 
 @pytest.fixture(scope="module")
 def none() -> Grasps:
-    return grasp_for(grip(0.05), walled(0.007), LIGHT, timeout=300, friction=0.8, jobs=1)
+    """The proof is sought to its end after a few starts, however long they took."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(local_search, "RAW", 6)
+        patch.setattr(sys.modules["handfast.planning.grasp_for"], "JOINED_SHARE", 1e6)
+        return grasp_for(grip(0.05), walled(0.006), LIGHT, timeout=300, friction=0.8, jobs=1)
 
 
 def test_a_task_that_an_obstacle_forbids_is_none(

@@ -173,7 +173,6 @@ def best() -> Iterator[Grasps]:
         yield grasp_for(load_task(NAME), body, Loads.gravity(body, "-z"), limits=LIMITS, **ASKED)
 
 
-@pytest.mark.slow
 def test_the_best_grasps_come_first_below_the_bound(best: Grasps) -> None:
     factors = [g.strength.factor for g in best.grasps if g.strength]
     assert (best.verdict, best.stop) == (Reach.FOUND, Stop.TIME)
@@ -249,7 +248,6 @@ def test_a_forged_bound_or_factor_is_refused(saved: dict[str, Any], name: str) -
     assert any(re.search(match, line) for line in lines), lines
 
 
-@pytest.mark.slow
 def test_the_command_line_and_going_on(
     small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], best: Grasps
 ) -> None:

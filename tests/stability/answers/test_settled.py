@@ -36,7 +36,6 @@ def refused(ask: Callable[..., Answer]) -> Answer:
 
 
 @pytest.mark.parametrize("ask", [check, maximum, torques])
-@pytest.mark.slow
 def test_undecided_without_a_witness_that_is_proved(ask) -> None:
     answer = ask(load_grasp("fig1"), UP, settings=ONE)
     assert answer.verdict is Verdict.HOLDS

@@ -40,6 +40,7 @@ def test_what_is_saved_is_proved(name: str, tmp_path: Path) -> None:
         a.save(path)
 
 
+@pytest.mark.slow
 def test_the_sample_has_every_verdict() -> None:
     assert {(a.to_json()["query"], a.verdict) for a in map(answer, ANSWERS)} >= {
         (query, verdict) for query in ("check", "max", "torques") for verdict in (Verdict.HOLDS, Verdict.SLIPS)
