@@ -84,8 +84,8 @@ def test_faults_come_back(new: bool, caplog: pytest.LogCaptureFixture) -> None:
 @pytest.mark.parametrize("new", KINDS)
 @pytest.mark.parametrize("by", [1 << 24, 1 << 8])
 def test_memory_ends(new: bool, by: int) -> None:
-    with pytest.raises(InputError, match=r"^takes more than 0.25 GiB of memory, or than there is$"):
-        limited(grows, by, memory=1 << 28, new=new)
+    with pytest.raises(InputError, match=r"^takes more than 0.0625 GiB of memory, or than there is$"):
+        limited(grows, by, memory=1 << 26, new=new)
     assert limited(len, bytes(1 << 20), new=new) == 1 << 20  # and the caller has no limit
 
 

@@ -140,7 +140,7 @@ def bulky(_: object, item: int) -> bytes:
 @needs_fork
 @pytest.mark.slow
 def test_a_pool_ends_while_its_processes_send_results() -> None:
-    for _ in range(30):
+    for _ in range(10):
         with WorkerPool(None, 3) as pool:
             assert len(next(pool.map(bulky, range(1000), ahead=40))) == 100_000
 

@@ -290,7 +290,7 @@ def test_every_field_of_a_body_is_in_its_table() -> None:
 
 def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
     page = (DOCS / "file-formats.md").read_text("utf-8")
-    grasp, state = load_grasp("fig1"), {f.name for f in fields(State)}
+    grasp, state = load_grasp("fig9"), {f.name for f in fields(State)}
     answer = maximum(grasp, [0, 1, 0, 0, 0, 0], interval=True)
     result, one = answer.to_file(), {"wrench", "command"} | state
     assert set(result["witness"]) <= one
@@ -308,7 +308,7 @@ def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
 
 def test_every_field_of_a_hold_is_in_its_table() -> None:
     text = section((DOCS / "file-formats.md").read_text("utf-8"), "Hold: `handfast/hold/1`")
-    data = hold(load_grasp("fig1"), Loads(("up",), [[0, 1, 0, 0, 0, 0]]), margins=True).to_file()
+    data = hold(load_grasp("fig9"), Loads(("up",), [[0, 1, 0, 0, 0, 0]]), margins=True).to_file()
     assert fields_in_tables(text) == set(data) | {f"question.{name}" for name in data["question"]}
     assert all(f"`{name}`" in text for name in data["answer"])
 

@@ -29,7 +29,7 @@ from tests.support.planted_proofs import (
 )
 
 
-@pytest.mark.parametrize("block", range(8))
+@pytest.mark.parametrize("block", range(4))
 @pytest.mark.parametrize("case", [odd_case, sah_case])
 def test_planted_right_ones_are_accepted(case, block: int) -> None:
     for seed in range(14 * block, 14 * (block + 1)):

@@ -291,11 +291,11 @@ def test_what_is_refuted_is_so_at_every_placement(seed: int) -> None:
     regions, load = skew(seed, contacts)
     mu, limit = 0.3, (np.inf, 0.3)[seed % 2]
     placements = Placements.of(data(*regions), load[None], mu, limit)
-    low = 0.8 * rng.random((400, 2 * contacts))
-    boxes = np.stack([low, low + 0.2 * rng.random((400, 1))], axis=2)
-    line = np.array([rng.permutation(contacts)[:2] if k % 2 else [-1, -1] for k in range(400)])
-    twist = np.where(line[:, :1] < 0, rng.normal(size=(400, 6)) * [0.05, 0.05, 0.05, 1, 1, 1], 0.0)
-    shown = placements.examined(boxes, Motions(np.ones((400, 1)), line, twist)).refuted
+    low = 0.8 * rng.random((200, 2 * contacts))
+    boxes = np.stack([low, low + 0.2 * rng.random((200, 1))], axis=2)
+    line = np.array([rng.permutation(contacts)[:2] if k % 2 else [-1, -1] for k in range(200)])
+    twist = np.where(line[:, :1] < 0, rng.normal(size=(200, 6)) * [0.05, 0.05, 0.05, 1, 1, 1], 0.0)
+    shown = placements.examined(boxes, Motions(np.ones((200, 1)), line, twist)).refuted
     held = []
     for box, pair, xi in zip(boxes, line, twist, strict=True):
         x = box[:, 0] + np.ptp(box, axis=1) * rng.random((20, 2 * contacts))

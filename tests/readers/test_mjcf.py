@@ -394,7 +394,7 @@ GREEDY = {
 def poor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Little memory and time for foreign files, as these want all of it."""
     for module in ("readers.mjcf", "pictures.hand_facts"):
-        monkeypatch.setattr(f"handfast.{module}.limited", partial(limited, memory=1 << 28, seconds=2))
+        monkeypatch.setattr(f"handfast.{module}.limited", partial(limited, memory=1 << 27, seconds=1))
     monkeypatch.setattr(
         "handfast.core.limited.CLOCK_FACTOR", 100
     )  # on a busy machine, too, processor time is what ends it

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast import load_grasp
+from handfast import Settings, load_grasp
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.pictures.motion_picture import details
@@ -108,7 +108,7 @@ def replace_contacts(placed: GraspInScene, keep: str) -> Any:
 
 @pytest.mark.slow
 def test_both_grasps_are_asked_on_paths_and_the_file_says_so() -> None:
-    found = settle(pinched(), 0.6 * BACK, loading="preload-first", follow=True)
+    found = settle(pinched(), 0.6 * BACK, loading="preload-first", follow=True, settings=Settings(gap=0.05))
     assert found.after is not None
     assert found.after.path is not None
     assert found.most is not None
