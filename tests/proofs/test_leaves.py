@@ -109,6 +109,7 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
     family: "planar" is in the plane of x and y, with rows about d_n and c_n alone; two fingers of "soft" are so; motors
     of "geared" turn half as fast as their joints, so that their efforts are unknowns that only (2) of a joint touches.
     "fingers" have four joints with parallel axes before contact 0, and three before contact 1, two of these parallel.
+    "geared fingers" are both.
     either: may multipliers have any sign?
     """
     planar = family == "planar"
@@ -121,17 +122,16 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
         {"name": f"j{j}", "axis": unit(rng).tolist(), "origin": rng.normal(size=3).tolist(), "moves": [j]}
         for j in range(3)
     ]
-    if family == "fingers":
+    if "fingers" in family:
         axes = [joints[k]["axis"] for k in (0, 0, 0, 0, 1, 1, 2)]
         joints = [
             {"name": f"j{j}", "axis": axis, "origin": rng.normal(size=3).tolist(), "moves": [int(j > 3)]}
             for j, axis in enumerate(axes)
         ]
     actuators = [{"name": j["name"], "joints": {j["name"]: 0.5}} for j in joints]
-    of_hand = {"joints": joints} | ({"mechanism": {"actuators": actuators}} if family == "geared" else {})
-    q = question(
-        contacts, [0, 0, 1, 0, 0, 0], LARGEST_GOAL, **of_hand, direction=[1, 0, 0, 0, 0, 0], preload={"j0": 1.0}
-    )
+    of_hand = {"joints": joints} | ({"mechanism": {"actuators": actuators}} if "geared" in family else {})
+    preload = dict.fromkeys(["j0", "j1", "j2", "j3"] if "fingers" in family else ["j0"], 1.0)  # others stay
+    q = question(contacts, [0, 0, 1, 0, 0, 0], LARGEST_GOAL, **of_hand, direction=[1, 0, 0, 0, 0, 0], preload=preload)
     kinds = [k for k in Row if k <= (Row.DN_UP if planar else Row.E_DOWN)]
     turns = [Row.TURN_UP, Row.SOFT_TANGENT]
     about, cases = [], np.zeros((40, q.grasp.m + q.actuators, 3), dtype=np.int64)
@@ -156,10 +156,10 @@ def systems(seed: int, family: str = "any", either: bool = False) -> LeafSystems
     )
 
 
-SHARES = {"planar": 0.65, "fingers": 0.8}  # of ranks that are known
+SHARES = {"planar": 0.65, "fingers": 0.8, "geared fingers": 0.8}  # of ranks that are known
 
 
-@pytest.mark.parametrize("family", ["any", "planar", "soft", "geared", "fingers"])
+@pytest.mark.parametrize("family", ["any", "planar", "soft", "geared", "fingers", "geared fingers"])
 @pytest.mark.parametrize("seed", range(8))
 def test_ranks_that_are_known_without_elimination_are_none_too_low(seed, family):
     found = systems(seed, family)
@@ -187,10 +187,12 @@ def test_joints_with_parallel_axes_move_a_point_in_a_plane() -> None:
     assert found._of_one_contact(joints, by)[0][1].tolist() == [1, 0, 0]
 
 
-@pytest.mark.parametrize("besides", ["joints", "turning"])
-def test_what_rows_know_besides_a_contact_counts_in_ranks(besides: str) -> None:
+@pytest.mark.parametrize(
+    ("besides", "family"), [("joints", "fingers"), ("joints", "geared fingers"), ("turning", "fingers")]
+)
+def test_what_rows_know_besides_a_contact_counts_in_ranks(besides: str, family: str) -> None:
     """Three rows are of the motion of contact 0, the others of the joints before it, or of the object's turning."""
-    found = systems(0, "fingers")
+    found = systems(0, family)
     n, m = found.equations.columns.n, found.equations.grasp.m
     at = [n, n + 1, n + 2, *([n + 3 * m + j for j in range(4)] if besides == "joints" else [3, 4, 5])]
     value, some = np.eye(found.rows.value.shape[1])[at], np.ones(len(at))
