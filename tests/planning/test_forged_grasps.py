@@ -34,7 +34,8 @@ from tests.support.forged_grasps import (
     scalpel_file,
     scalpel_grasps,
 )
-from tests.support.slow_cases import slow_after
+
+pytestmark = pytest.mark.slow  # the search for the grasps and their proofs take seconds; `test_grasps_file.py` is quick
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +48,7 @@ def saved() -> Data:
     return scalpel_file()
 
 
-@pytest.mark.parametrize("name", slow_after(24, FORGED))
-@pytest.mark.slow
+@pytest.mark.parametrize("name", FORGED)
 @pytest.mark.usefixtures("proved_once")
 def test_a_forged_file_is_refused(saved: Data, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     change, match = FORGED[name]
@@ -123,10 +123,10 @@ def geared(task: Task) -> Task:
     [
         pytest.param({}, id="nothing"),
         pytest.param({"preload": lambda v: 0.5 * v}, id="preload"),
-        pytest.param({"task": geared}, id="gearing", marks=pytest.mark.slow),
-        pytest.param({"loads": lambda x: x.scaled(1.5)}, id="loads", marks=pytest.mark.slow),
-        pytest.param({"asked": lambda a: replace(a, friction=0.1)}, id="friction", marks=pytest.mark.slow),
-        pytest.param({"asked": lambda a: replace(a, eta=0.3)}, id="normals", marks=pytest.mark.slow),
+        pytest.param({"task": geared}, id="gearing"),
+        pytest.param({"loads": lambda x: x.scaled(1.5)}, id="loads"),
+        pytest.param({"asked": lambda a: replace(a, friction=0.1)}, id="friction"),
+        pytest.param({"asked": lambda a: replace(a, eta=0.3)}, id="normals"),
     ],
 )
 def test_what_is_changed_everywhere_does_not_balance(found: Grasps, change: dict[str, Any]) -> None:
@@ -196,7 +196,6 @@ def first_alone(saved: Data) -> Data:
     return renew(data)
 
 
-@pytest.mark.slow
 def test_accepted_mutants_claim_the_same(saved: Data) -> None:
     rng, saved = np.random.default_rng(14), first_alone(saved)
     assert not refusals(saved)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -32,7 +33,7 @@ from handfast import (
 from handfast.cli import main
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
-from handfast.planning.evaluation import preload_search
+from handfast.planning.evaluation import local_search, preload_search
 from handfast.planning.evaluation.evaluator import EVALUATION_CUTOFF, Evaluator, requests
 from handfast.planning.evaluation.local_search import LocalSearch
 from handfast.planning.evaluation.steps import Gradients, Steps
@@ -40,7 +41,7 @@ from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.question import Allowed, PlanLimits, Requirements
 from handfast.planning.ranking import RANKING_SENSES, rank
 from handfast.planning.results.grasps import Grasps
-from handfast.planning.search import Journal
+from handfast.planning.search import Journal, RejectionReason
 from handfast.stability.problem.loads import Loads
 from handfast.stability.studies.questions import hold
 from handfast.synthesis.search.starts import Starts, Walks
@@ -178,11 +179,15 @@ def test_units_can_be_sent_to_another_machine() -> None:
     assert [c.x.tolist() for c in one] == [c.x.tolist() for c in other]
 
 
-def test_what_cannot_balance_is_never_returned() -> None:
-    """Without friction a scalpel in four contacts cannot be held from six sides."""
-    answer = grasp_for(load_task(NAME), friction=0.0, timeout=3, jobs=1)
+def test_what_cannot_balance_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without friction a scalpel in four contacts cannot be held from six sides: one unit of few starts."""
+    monkeypatch.setattr(sys.modules["handfast.planning.grasp_for"], "FIRST_BOXES", 64)
+    monkeypatch.setattr(local_search, "RAW", 6)
+    monkeypatch.setattr(LocalSearch, "numbers", lambda _, first: iter([first]))
+    answer = grasp_for(load_task(NAME), friction=0.0, timeout=None, jobs=1)
     assert answer.verdict is Reach.UNDECIDED
     assert answer.tally.passed == 0
+    assert answer.tally[RejectionReason.UNBALANCED] > 0
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,6 @@ def test_an_answer_checks_itself(found: Grasps, saved: Data) -> None:
         assert [line for line in done.replayed if line.startswith(f"grasp {k}: ")] == own
 
 
-@pytest.mark.slow
 def test_an_answer_that_is_not_so_says_why(found: Grasps) -> None:
     first, second = found.grasps
     slippery = replace(first, grasp=first.grasp.with_friction(0.9))
@@ -147,7 +146,6 @@ def test_an_answer_that_is_not_so_says_why(found: Grasps) -> None:
 # --- the command line -----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_verify_prints_what_it_has_proved(saved: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "grasps.json"
     path.write_text(json.dumps(saved))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import copy
 import json
 import re
+import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -166,11 +167,17 @@ LIMITS = PlanLimits(force_limit=2.0)
 
 
 @pytest.fixture(scope="module")
-def best() -> Iterator[Grasps]:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("best") / "out"
+
+
+@pytest.fixture(scope="module")
+def best(folder: Path) -> Grasps:
     with pytest.MonkeyPatch.context() as patch:
         _small(patch.setattr)
         body = load_body("scalpel")
-        yield grasp_for(load_task(NAME), body, Loads.gravity(body, "-z"), limits=LIMITS, **ASKED)
+        how = ASKED | {"limits": LIMITS, "journal": GraspFolder(folder)}
+        return grasp_for(load_task(NAME), body, Loads.gravity(body, "-z"), **how)
 
 
 def test_the_best_grasps_come_first_below_the_bound(best: Grasps) -> None:
@@ -248,25 +255,24 @@ def test_a_forged_bound_or_factor_is_refused(saved: dict[str, Any], name: str) -
     assert any(re.search(match, line) for line in lines), lines
 
 
-def test_the_command_line_and_going_on(
-    small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], best: Grasps
+def test_the_command_line_goes_on(
+    small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], best: Grasps, folder: Path
 ) -> None:
-    def asked(**more: Any) -> FindGrasps:
-        return FindGrasps(
-            task=NAME, count=2, up="z", safety=1.0, force_limit=2.0, best="margin", timeout=float("inf"), jobs=1,
-            output=tmp_path, **more,
-        )  # fmt: skip
-
-    assert asked().run() in (0, 3)
-    out = " ".join(capsys.readouterr().out.split())
-    assert "no placement of the contacts reaches" in out
-    assert "holds [times]" in out or "[times]" in out
+    """With the folder of the same question, asked in Python."""
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     first = json.loads((tmp_path / "search.json").read_text())
     assert first["bound"]["factor"] == pytest.approx(best.bound.factor)  # type: ignore[union-attr]
     assert [f["factor"] for f in first["found"]] == pytest.approx(
         sorted((g.strength.factor for g in best.grasps if g.strength), reverse=True), abs=10
     )
-    assert asked(resume=True).run() in (0, 3)
+    asked = FindGrasps(
+        task=NAME, count=2, up="z", safety=1.0, force_limit=2.0, best="margin", timeout=float("inf"), jobs=1,
+        output=tmp_path, resume=True,
+    )  # fmt: skip
+    assert asked.run() in (0, 3)
+    out = " ".join(capsys.readouterr().out.split())
+    assert "no placement of the contacts reaches" in out
+    assert "[times]" in out
     again = json.loads((tmp_path / "search.json").read_text())
     assert again["bound"]["factor"] <= first["bound"]["factor"]
     assert max(f["factor"] for f in again["found"]) >= max(f["factor"] for f in first["found"])

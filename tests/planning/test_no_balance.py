@@ -178,7 +178,6 @@ def test_two_fingertips_carry_no_weight_off_their_line(none: Grasps) -> None:
     assert report.part("balance").figures["line_distance"] == distance  # type: ignore[union-attr]
 
 
-@pytest.mark.slow
 def test_none_is_saved_and_verified(none: Grasps, tmp_path: Path) -> None:
     none.save(tmp_path / "none.json")
     assert verify(tmp_path / "none.json").ok

@@ -225,7 +225,6 @@ def found() -> Proposals:
     return propose(BARRETT, None, load_body("slab"), "pinch", count=2, object="slab")
 
 
-@pytest.mark.slow
 def test_a_proposal_is_certified_and_its_file_gives_it_again(tmp_path: Path, found: Proposals) -> None:
     assert len(found.proposals) == 2
     assert found.tried >= 2

@@ -40,7 +40,6 @@ def planned() -> Plan:
     return plan(hand, body, count=2, seed=0, jobs=1, safety=SAFETY)
 
 
-@pytest.mark.slow
 def test_a_margin_is_how_often_the_load_as_it_was_given_is_held(planned: Plan) -> None:
     given = Loads.gravity(planned.body)
     np.testing.assert_allclose(planned.loads.wrenches, SAFETY * given.wrenches)
@@ -161,7 +160,6 @@ def test_the_unit_of_a_command_is_that_of_what_it_drives() -> None:
     assert largest_command(slide.with_preload(None))["actuator"] is None
 
 
-@pytest.mark.slow
 def test_what_the_engine_lets_go_is_not_kept(planned: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = replace(planned.asked, options=PlanOptions(safety=SAFETY, simulate=True))
     runner = Runner(asked)

@@ -289,7 +289,6 @@ def test_two_soft_fingers_hold_a_weight_from_every_side(found: Grasps) -> None:
     assert any(state.torsion.any() for state in states)
 
 
-@pytest.mark.slow
 def test_limited_forces_have_too_little_torsion(none: Grasps, tmp_path: Path) -> None:
     assert none.verdict is Reach.NONE
     assert none.verify().ok

@@ -140,6 +140,7 @@ def test_several_objects_a_support_and_an_obstacle(tmp_path: Path, capsys: pytes
         )
     )
     how = ["-n", "1", "--jobs", "1", "--support", "plane", "--obstacle", str(far), "--travel", "0.05", "--json"]
+    how += ["--up", "z", "--seed", "3"]
     assert main(["plan", "barrett-bh8-280", "can", "ball", *how, "-o", str(tmp_path / "out")]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [row["name"] for row in rows] == ["can", "ball"]
