@@ -40,10 +40,9 @@ def test_the_list_names_everything(capsys: pytest.CaptureFixture[str]) -> None:
     assert listed["methods"]["canonical"]["about"] == "task"
 
 
-@pytest.mark.slow
 def test_a_figure_is_written_once(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["paper", "fig8", "-o", "fig8.svg", "--quick"]) == 0
-    assert Path("fig8.svg").read_text("utf-8").startswith("<?xml")
+    assert main(["paper", "fig3", "-o", "other.svg", "--quick"]) == 0
+    assert Path("other.svg").read_text("utf-8").startswith("<?xml")
     assert main(["paper", "fig3"]) == 0
     assert Path("fig3.svg").exists()
     assert main(["paper", "fig3"]) == 2

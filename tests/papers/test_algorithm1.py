@@ -204,12 +204,13 @@ def test_progress_reports_every_step() -> None:
 
 
 @pytest.mark.skipif(not mixed_integer_solvers.available("gurobi"), reason="gurobipy is not installed")
-@pytest.mark.parametrize("direction", [(0.5, 1, 0), (-1, 0.2, 0.1)])
-def test_gurobi_agrees_with_scip(direction: tuple[float, ...]) -> None:
-    g = bell(0.02)
-    a, _ = maximum(g, w(*direction), settings=settings(sectors=128))
-    b, _ = maximum(g, w(*direction), settings=settings(sectors=128, solver="gurobi"))
-    assert a.unbounded == b.unbounded == (direction == (0.5, 1, 0))
+@pytest.mark.parametrize(
+    ("grasp", "direction", "unbounded"), [(bell(0.02), (0.5, 1, 0), True), (pinch(offset=0.004), (0, 1, 0.3), False)]
+)
+def test_gurobi_agrees_with_scip(grasp: Grasp, direction: tuple[float, ...], unbounded: bool) -> None:
+    a, _ = maximum(grasp, w(*direction), settings=settings(sectors=128))
+    b, _ = maximum(grasp, w(*direction), settings=settings(sectors=128, solver="gurobi"))
+    assert a.unbounded == b.unbounded == unbounded
     for answer in (a, b):
         assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
     assert a.lower <= b.upper * (1 + 1e-6)

@@ -21,6 +21,7 @@ from handfast.stability.studies.questions import check
 from tests.support.jaws_on_paths import FIRST, jaw
 from tests.support.labelled import write_lines
 
+pytestmark = pytest.mark.usefixtures("asked_once", "proved_once")
 BACK = (-1.0, 1.0, 0.0)  # pushes the jaw back and across: together 1/2 of its command times this, on the path 2/3
 LITTLE = Labelling(directions=1, gap=1e-2, gravity=(BACK,), loading=FIRST)
 LIGHT, HEAVY = 0.85, 1.2  # [N] up to 0.707 is held together, up to 0.943 on the path
