@@ -10,7 +10,7 @@ from tests.support.law_grasps import random_law_grasp
 from tests.support.slow_cases import slow_after
 
 
-@pytest.mark.parametrize("seed", slow_after(3, [4, 11, 12, 17, 19, 21, 22, 23, 25, 26, 29, 34]))
+@pytest.mark.parametrize("seed", slow_after(3, [4, 11, 12, 17, 19, 21, 22, 23]))
 @pytest.mark.parametrize("limited", [False, True])
 def test_the_largest_load_is_that_of_the_enumeration(seed: int, limited: bool) -> None:
     """Random laws, actuators and couplings; every bound replayed by the checker."""

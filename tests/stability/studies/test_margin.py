@@ -51,6 +51,12 @@ def asked(grasp: Grasp, wrench: Array, **options) -> Margin:
     return found
 
 
+@cache
+def of_pinch(load: float) -> Margin:
+    """Of a pinch that a load pulls along -y [N]."""
+    return asked(pinch(), np.array([0, -load, 0, 0, 0, 0]))
+
+
 def assert_brackets(flip: Flip, value: float, resolution: float) -> None:
     """The flip lies between what holds and what slips, which are as near as asked, and the slip is proved."""
     assert flip.slips is not None
@@ -93,10 +99,9 @@ def test_a_block_on_a_slope_keeps_the_rest_of_the_friction_angle(contacts: int) 
     np.testing.assert_allclose(tilt.towards, downhill, atol=1e-12)
 
 
-@pytest.mark.slow
 def test_a_pinch() -> None:
     """1 N each; half of 0.5 N at each tip, so at atan(0.25) to the normals: the cones' half angle is atan(0.5)."""
-    m = asked(pinch(), np.array([0, -0.5, 0, 0, 0, 0]))
+    m = of_pinch(0.5)
     assert_brackets(m.less, 0.5, FRICTION_RESOLUTION)
     assert_brackets(m.tilt, np.degrees(np.arctan(0.5) - np.arctan(0.25)), TILT_RESOLUTION)
     assert m.motion == pytest.approx(1e3 * 1.0 / margin_search.RUBBER_PAD, rel=1e-3)
@@ -105,7 +110,7 @@ def test_a_pinch() -> None:
 
 def test_a_pinch_near_its_end_is_fragile() -> None:
     """0.95 of what it resists: 5 % of the friction to spare, and atan(0.5) - atan(0.475) = 1.16 degrees."""
-    m = asked(pinch(), np.array([0, -0.95, 0, 0, 0, 0]))
+    m = of_pinch(0.95)
     assert_brackets(m.less, 0.05, FRICTION_RESOLUTION)
     assert_brackets(m.tilt, np.degrees(np.arctan(0.5) - np.arctan(0.475)), TILT_RESOLUTION)
     assert m.why == why_fragile(m.witness.grasp, m.witness.wrench, NO_LIMITS, Settings()) == ("friction", "tilt")
@@ -253,9 +258,9 @@ def test_axes_units_and_order_change_nothing(case: str, changes: tuple[str, ...]
 
 
 def test_stiffness_scales_the_motion_alone() -> None:
-    wrench = np.array([0, -0.5, 0, 0, 0, 0])
-    soft, hard = asked(pinch(), wrench, stiffness=1000.0), asked(pinch(), wrench, stiffness=4000.0)
-    assert soft.motion == pytest.approx(4 * hard.motion)
+    soft, hard = asked(pinch(), np.array([0, -0.5, 0, 0, 0, 0]), stiffness=1000.0), of_pinch(0.5)
+    assert (soft.stiffness, hard.stiffness) == (1e3, 1e4)
+    assert soft.motion == pytest.approx(10 * hard.motion)
     assert numbers(soft) == numbers(hard)
 
 
@@ -386,9 +391,7 @@ def test_a_stiffness_needs_the_margin(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_a_saved_answer_claims_no_margin(tmp_path: Path) -> None:
     """Nothing in the file proves one: it is not kept, and a file that claims one is refused."""
-    wrench = np.array([0, -0.5, 0, 0, 0, 0])
-    answer = check(pinch(), wrench)
-    answer = replace(answer, margin=margin(pinch(), wrench, answer=answer))
+    answer = replace(check(pinch(), np.array([0, -0.5, 0, 0, 0, 0])), margin=of_pinch(0.5))
     path = tmp_path / "a.json"
     answer.save(path)
     data = json.loads(path.read_text())
@@ -402,12 +405,11 @@ def test_a_saved_answer_claims_no_margin(tmp_path: Path) -> None:
 
 
 def test_a_report_shows_it(tmp_path: Path) -> None:
-    wrench = np.array([0, -0.95, 0, 0, 0, 0])
-    answer = check(pinch(), wrench)
+    answer = check(pinch(), np.array([0, -0.95, 0, 0, 0, 0]))
     path = tmp_path / "a.html"
     write_report(path, pinch(), [Entry("Does it?", answer)])
     assert "What it leans on" not in path.read_text("utf-8")
-    answer = replace(answer, margin=margin(pinch(), wrench, answer=answer))
+    answer = replace(answer, margin=of_pinch(0.95))
     write_report(path, pinch(), [Entry("Does it?", answer)], force=True)
     text = path.read_text("utf-8")
     assert "HOLDS, FRAGILE</b>" in text
