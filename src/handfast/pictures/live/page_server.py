@@ -204,7 +204,7 @@ class PageServer:
             slider.remove()
         self._preloads = []
         grasp = stage.grasp
-        commands = grasp.command
+        commands, made = grasp.command, []
         with self._actuators:
             for i, name in enumerate(grasp.mechanism.actuators):
                 unit = words.actuator_unit(grasp, name)
@@ -212,7 +212,8 @@ class PageServer:
                 low = -end if (commands < 0).any() else 0.0
                 slider = self._gui.add_slider(f"{name} [{unit}]", low, end, end / 300, float(commands[i]))
                 self._on(slider, lambda v, i=i: self.session.change(lambda x: x.commanded(i, v), "actuator"))
-                self._preloads.append(slider)
+                made.append(slider)
+        self._preloads = made  # at once: other threads see none of them, or all
         self._actuators.visible = bool(self._preloads)
         self._factor.visible = bool(commands.any())
 
