@@ -20,10 +20,12 @@ from handfast.proofs.fields import Array, Mask
 from handfast.proofs.grasp import StartData
 from handfast.proofs.kinds import Row
 from handfast.proofs.leaves import (
+    CHUNK,
     CitedRows,
     Late,
     LeafSystems,
     _compact,
+    _groups,
     _inverse,
     _pivots,
     _turns,
@@ -284,6 +286,35 @@ def test_what_counting_does_not_show_places_of_entries_may() -> None:
         ragged = proved[many[proved] - 1 != found.alive[proved].sum(axis=1)]
         shown += (found._most_ranks(ragged).sum(axis=1) >= many[ragged]).sum()
     assert shown
+
+
+def test_square_systems_without_an_inverse_are_tried_again_with_the_rank_that_is_known() -> None:
+    """As many unknowns as rows but one, whose rank is lower since two contacts do not keep an object from turning."""
+    shown = 0
+    for seed in range(4):
+        found = systems(seed, "any", either=True)
+        with np.errstate(all="ignore"):
+            proved = np.flatnonzero(found.proved(quick=True)[0] > 0)
+        many = found._summed(found.used.astype(np.int64)) + found.used_E.sum(axis=1)
+        square = proved[many[proved] - 1 == found.alive[proved].sum(axis=1)]
+        filled = square[found.more[:, square].any(axis=0)]
+        motions = np.arange(found.equations.columns.n) < found.equations.columns.motions
+        for leaf in filled.tolist():
+            lower = rank(found, leaf, motions) + rank(found, leaf, ~motions)
+            assert found.more[:, leaf].tolist() == [found.alive[leaf].sum() - lower] * 2
+        shown += len(filled)
+    assert shown
+
+
+def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_group() -> None:
+    """100 of side 4, 2 of 5 and 100 of 20: 102 (20^3 - 5^3) is more than a group costs, 100 (5^3 - 4^3) is not."""
+    size = np.array([20, 4, 20, 5, 4, 20] + 97 * [4, 20] + [4, 5, 4, 4])
+    leaves = np.arange(len(size))[::-1]
+    groups = _groups(leaves, size)
+    assert [sorted(set(size[group].tolist())) for group in groups] == [[4, 5], [20]]
+    assert sorted(np.concatenate(groups).tolist()) == sorted(leaves.tolist())
+    assert [len(group) for group in _groups(np.arange(300), np.full(300, 7))] == [CHUNK, CHUNK, 300 - 2 * CHUNK]
+    assert _groups(leaves[:0], size) == []
 
 
 def test_equalities_cancel_what_they_can_of_the_rows() -> None:

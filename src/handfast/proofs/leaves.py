@@ -34,6 +34,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 from flint import fmpq_mat
@@ -51,6 +52,7 @@ WEIGHT_CUTOFFS = (1e-11, 1e-13)
 PIVOT_TOLERANCE, COARSE_PIVOTS = 1e-9, (1e-6, 1e-4)
 SUM_INFLATION = 1 + 1e-9  # rounds sums of bounds up
 CHUNK = 128  # systems inverted at a time
+GROUP_COST = 1e5  # what a group of systems costs, as padding of n systems from side a to b costs n (b^3 - a^3)
 
 
 class Late(Exception):
@@ -206,18 +208,21 @@ class LeafSystems:
         self.more = np.zeros((2, L), dtype=np.int64)
         square = (many - 1 == alive) | (alive == 0)
         ragged = np.flatnonzero(~square)
-        counted = np.full(L, np.iinfo(np.int64).max)
-        counted[ragged] = self._most_ranks(ragged).sum(axis=1)
-        self.more[:, ragged] = alive[ragged] - counted[ragged], many[ragged] - 1 - counted[ragged]
-        margins, caps = self._enclosed(self._squares(np.flatnonzero(square | (counted < many)))), np.full(L, np.inf)
-        left = np.flatnonzero(~square & ~(margins > 0))
-        if len(left):
-            rank = self._most_ranks(left, by_entries=True).sum(axis=1)
-            known = rank < np.minimum(many, counted)[left]
-            left, rank = left[known], rank[known]
-        if len(left):
-            self.more[:, left] = alive[left] - rank, many[left] - 1 - rank
-            margins = np.maximum(margins, self._enclosed(self._squares(left)))
+        rank = many - 1  # no less than the rank of what is used; all but one of the rows, where nothing better is known
+        rank[ragged] = self._most_ranks(ragged).sum(axis=1)
+        self.more[:, ragged] = alive[ragged] - rank[ragged], many[ragged] - 1 - rank[ragged]
+        squares = self._squares(np.flatnonzero(square | (rank < many)))
+        left = np.ones(L, dtype=bool)
+        for each in squares:
+            left[each.leaves] = ~each.regular
+        some = np.flatnonzero(left)
+        if len(some):
+            counted = self._most_ranks(some, by_entries=True).sum(axis=1)
+            better = counted < np.minimum(many, rank)[some]
+            some, rank = some[better], counted[better]
+            self.more[:, some] = alive[some] - rank, many[some] - 1 - rank
+            squares += self._squares(some)
+        margins, caps = self._enclosed(squares), np.full(L, np.inf)
         gap = np.abs(self.equations.grasp.gaps).max()
         if not quick and not (margins > 0).all():
             self._use(self.stated_v)
@@ -541,9 +546,19 @@ def _any_numbers(n: int) -> Array:
 
 
 def _groups(leaves: Integers, size: Integers) -> list[Integers]:
-    """Leaves of like size together: little is wasted on padding."""
+    """Leaves of like size together, so that little is wasted on padding: a group costs time, too."""
     leaves = leaves[np.argsort(size[leaves], kind="stable")]
-    return [leaves[k : k + CHUNK] for k in range(0, len(leaves), CHUNK)]
+    sizes, first = np.unique(size[leaves], return_index=True)
+    begin, ends = 0, [0]
+    for k in range(1, len(sizes)):
+        if (first[k] - begin) * (sizes[k] ** 3 - sizes[k - 1] ** 3) > GROUP_COST:
+            begin = int(first[k])
+            ends.append(begin)
+    return [
+        leaves[k : min(k + CHUNK, end)]
+        for begin, end in pairwise([*ends, len(leaves)])
+        for k in range(begin, end, CHUNK)
+    ]
 
 
 def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integers:
