@@ -14,8 +14,9 @@ the tests that reach these lines, the quickest within the budget, until one fail
 of this function, the last first. Those whose tests take three times as long and 20 s more are out of time, and counted
 apart.
 
-What is known is kept in build/mutation, so that a run that was stopped goes on. A fault that was found is not tried again
-while its function and the test that found it are the same, another while its function and all its tests are. What came of the mutants that were drawn goes to benchmarks/results/mutation.json.
+What is known is kept in build/mutation, so that a run that was stopped goes on. A fault that was found is not tried
+again while its function and the test that found it are the same, another while its function and all its tests are.
+What came of the mutants that were drawn goes to benchmarks/results/mutation.json.
 
 A package is a folder of src/handfast with the modules that are in it, not below it. Its tests are the files in the
 folder of the same name in tests/, or in the folders below that, or in the next folder above that has some.
@@ -249,9 +250,7 @@ def _traced(items: list[pytest.Item], sources: set[str], kept: Path, of: list[st
     return True
 
 
-def _tried(
-    mutant: Mutant, source: str, finders: list[pytest.Item], tests: list[pytest.Item], seconds: float
-) -> str:
+def _tried(mutant: Mutant, source: str, finders: list[pytest.Item], tests: list[pytest.Item], seconds: float) -> str:
     """How the tests of a mutant end; the one that finds it becomes the first of the finders."""
     tests = sorted(tests, key=lambda item: finders.index(item) if item in finders else len(finders))
     place = mmap.mmap(-1, 8)  # shared with the fork: the test that is run

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import threading
@@ -99,6 +100,15 @@ def test_processes_are_others_and_end_with_the_pool() -> None:
     for process in found:
         with pytest.raises(ProcessLookupError):
             os.kill(process, 0)
+
+
+@needs_fork
+def test_a_process_that_never_comes_back_ends_with_the_pool() -> None:
+    before = set(multiprocessing.active_children())
+    with WorkerPool(None, 2) as pool:
+        assert next(pool.map(endless, range(3))) == 0
+        assert len(set(multiprocessing.active_children()) - before) == 2
+    assert set(multiprocessing.active_children()) <= before
 
 
 def test_where_processes_cannot_be_forked_the_caller_works(monkeypatch: pytest.MonkeyPatch) -> None:

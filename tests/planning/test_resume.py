@@ -202,6 +202,13 @@ def test_a_search_goes_on_to_more_grasps(tmp_path: Path, searched: Path) -> None
         assert contents(folder)[name] == contents(searched)[name]
 
 
+def test_a_search_that_has_enough_is_done_where_it_goes_on(tmp_path: Path, searched: Path) -> None:
+    """It tries nothing: what was found before is found."""
+    folder = copied(searched, tmp_path / "out")
+    assert grasp(folder, count=3, resume=True).run() == 0
+    assert contents(folder) == contents(searched)
+
+
 def test_a_search_goes_on_only_with_what_it_was_asked(tmp_path: Path, searched: Path) -> None:
     folder = copied(searched, tmp_path / "out")
     for other in ({"mass": 0.3}, {"seed": 1}, {"depth": 2e-3}, {"eta": 1.0}):
