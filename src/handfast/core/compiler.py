@@ -28,6 +28,7 @@ from numba.core import cgutils
 from numba.core.codegen import AOTCPUCodegen
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.dispatcher import Dispatcher
 from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 
@@ -47,10 +48,20 @@ def main(module: str, folder: str, names: str) -> None:
     """Write the object files of the library that a module declares: for each baseline one, with its name."""
     gc.set_threshold(200_000)  # numba makes millions of objects and keeps them: to look through them takes an eighth
     OPTIONS["pipeline_class"] = _Compiler  # of the functions that are declared from here on
+    Dispatcher.get_call_template = _of_any_constant  # type: ignore[method-assign]
     library: Library = import_module(module).LIBRARY
     baselines = [x for x in BASELINES if x.name in names.split()]
     for baseline, code in zip(baselines, compiled(library, baselines), strict=True):
         (Path(folder) / baseline.name).write_bytes(code)
+
+
+_call_template = Dispatcher.get_call_template
+
+
+def _of_any_constant(function: Any, arguments: Any, named: Any) -> Any:
+    """What a call calls: numba would compile the function once for each constant that is given."""
+    of_type = {name: types.unliteral(argument) for name, argument in named.items()}
+    return _call_template(function, tuple(map(types.unliteral, arguments)), of_type)
 
 
 def compiled(library: Library, baselines: Sequence[Baseline]) -> list[bytes]:
