@@ -220,6 +220,10 @@ def _text(item: pytest.Item) -> str:
     return f"{item.nodeid} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
+def _module(source: str) -> str:
+    return f"handfast.{source[:-3].replace('/', '.')}"
+
+
 def _traced(items: list[pytest.Item], sources: set[str], kept: Path, of: list[str]) -> bool:
     """Runs tests of a file and writes down which lines each of them reaches, and its seconds."""
     names = {str(SOURCES / source): source for source in sources}
@@ -238,8 +242,12 @@ def _traced(items: list[pytest.Item], sources: set[str], kept: Path, of: list[st
             lines[source].add(frame.f_lineno)
         return called
 
+    modules = [importlib.import_module(_module(source)) for source in sources]
+    remembered = [x.cache_clear for module in modules for x in vars(module).values() if hasattr(x, "cache_clear")]
     for item, after in zip(items, [*items[1:], None], strict=True):
         lines.clear()
+        for forget in remembered:
+            forget()
         begun, failed = time.process_time(), item.session.testsfailed
         sys.settrace(called)
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
@@ -254,7 +262,7 @@ def _tried(mutant: Mutant, source: str, finders: list[pytest.Item], tests: list[
     """How the tests of a mutant end; the one that finds it becomes the first of the finders."""
     tests = sorted(tests, key=lambda item: finders.index(item) if item in finders else len(finders))
     place = mmap.mmap(-1, 8)  # shared with the fork: the test that is run
-    function: Any = importlib.import_module(f"handfast.{source[:-3].replace('/', '.')}")
+    function: Any = importlib.import_module(_module(source))
     for part in mutant.function.split("."):
         function = vars(function)[part]
     for inner in ("fget", "func", "__func__", "__wrapped__"):  # without what decorates it, or remembers its values
