@@ -10,11 +10,12 @@
 
 `plant.py` says what is planted. One process collects the package's tests, and has seen which lines each of them
 reaches. For each mutant it makes a fork, in which the mutated code takes the place of the function's, and which runs
-the tests that reach these lines, the quickest first, until one fails. Those whose tests take three times as long and
-20 s more are out of time, and counted apart.
+the tests that reach these lines, the quickest within the budget, until one fails: first those that have found faults
+of this function, the last first. Those whose tests take three times as long and 20 s more are out of time, and counted
+apart.
 
-What is known is kept in build/mutation, so that a run that was stopped goes on; where a function or its tests have
-changed it is tried again. What came of the mutants that were drawn goes to benchmarks/results/mutation.json.
+What is known is kept in build/mutation, so that a run that was stopped goes on. A fault that was found is not tried again
+while its function and the test that found it are the same, another while its function and all its tests are. What came of the mutants that were drawn goes to benchmarks/results/mutation.json.
 
 A package is a folder of src/handfast with the modules that are in it, not below it. Its tests are the files in the
 folder of the same name in tests/, or in the folders below that, or in the next folder above that has some.
@@ -26,7 +27,9 @@ import argparse
 import contextlib
 import hashlib
 import importlib
+import inspect
 import json
+import mmap
 import os
 import random
 import resource
@@ -155,20 +158,24 @@ class Runner:
 
     def __init__(self, sources: list[str], size: int | None, seed: int, budget: float) -> None:
         self.sources, self.size, self.seed, self.budget = sources, size, seed, budget
+        self.finders: dict[str, list[pytest.Item]] = {}  # of each function's faults, the last first
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Try the mutants of each source."""
-        reached = self.reached(session)
+        reached, texts = self.reached(session), {_text(item) for item in session.items}
         for source in self.sources:
             found, kept, ends = list(mutants(SOURCES / source)), WORK / f"{source}.json", []
+            self.finders.clear()
             known = _read(kept)
             random.Random(self.seed).shuffle(found)
             for mutant in found[: self.size]:
                 tests, seconds, says = self.judges(mutant, source, reached)
-                if says not in known:
-                    known[says] = _tried(mutant, source, tests, seconds)
+                name, finders = f"{mutant.name} {mutant.digest}", self.finders.setdefault(mutant.function, [])
+                if name not in known or (known[name][1] != says and known[name][2] not in texts):
+                    end = _tried(mutant, source, finders, tests, seconds)
+                    known[name] = [end, says, _text(finders[0]) if end == KILLED else ""]
                     _write(kept, known)
-                ends.append(known[says])
+                ends.append(known[name][0])
             alive = sorted([m.name, *m.diff()] for m, end in zip(found, ends, strict=False) if end == ALIVE)
             how: dict[str, Any] = {"seed": self.seed, "budget": self.budget, "mutants": len(found), "tried": len(ends)}
             how |= {end: ends.count(end) for end in (KILLED, ENDLESS)} | {"survivors": alive}
@@ -206,6 +213,12 @@ class Runner:
         return sorted(found, key=lambda each: each[1])
 
 
+def _text(item: pytest.Item) -> str:
+    """A test's name, and what its function says."""
+    text = inspect.getsource(item.function) if isinstance(item, pytest.Function) else ""
+    return f"{item.nodeid} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
 def _traced(items: list[pytest.Item], sources: set[str], kept: Path, of: list[str]) -> bool:
     """Runs tests of a file and writes down which lines each of them reaches, and its seconds."""
     names = {str(SOURCES / source): source for source in sources}
@@ -236,8 +249,12 @@ def _traced(items: list[pytest.Item], sources: set[str], kept: Path, of: list[st
     return True
 
 
-def _tried(mutant: Mutant, source: str, tests: list[pytest.Item], seconds: float) -> str:
-    """How the tests of a mutant end."""
+def _tried(
+    mutant: Mutant, source: str, finders: list[pytest.Item], tests: list[pytest.Item], seconds: float
+) -> str:
+    """How the tests of a mutant end; the one that finds it becomes the first of the finders."""
+    tests = sorted(tests, key=lambda item: finders.index(item) if item in finders else len(finders))
+    place = mmap.mmap(-1, 8)  # shared with the fork: the test that is run
     function: Any = importlib.import_module(f"handfast.{source[:-3].replace('/', '.')}")
     for part in mutant.function.split("."):
         function = vars(function)[part]
@@ -246,7 +263,8 @@ def _tried(mutant: Mutant, source: str, tests: list[pytest.Item], seconds: float
         function = getattr(function, inner, function)
 
     def passes() -> bool:
-        for item, after in zip(tests, [*tests[1:], None], strict=True):
+        for k, (item, after) in enumerate(zip(tests, [*tests[1:], None], strict=True)):
+            place[:] = k.to_bytes(8, "little")
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
             if item.session.testsfailed:
                 return False
@@ -254,9 +272,13 @@ def _tried(mutant: Mutant, source: str, tests: list[pytest.Item], seconds: float
 
     own, function.__code__ = function.__code__, mutant.code()
     try:
-        return _forked(passes, 3 * seconds + 20) if tests else ALIVE
+        end = _forked(passes, 3 * seconds + 20) if tests else ALIVE
     finally:
         function.__code__ = own
+    if end == KILLED:
+        finder = tests[int.from_bytes(place[:], "little")]
+        finders[:] = [finder, *(item for item in finders if item is not finder)]
+    return end
 
 
 def _forked(passes: Callable[[], bool], seconds: float) -> str:
