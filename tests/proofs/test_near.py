@@ -21,6 +21,7 @@ from handfast.proofs.near import (
     _Curve,
     _norm,
     _projected,
+    _weights,
     along,
     bernstein,
     controls_of,
@@ -32,7 +33,7 @@ from handfast.proofs.near import (
 from handfast.proofs.question import read_question
 from handfast.proofs.states import ContactMode as Kind
 from handfast.proofs.states import Part, Problem, State
-from handfast.proofs.tolerance import EPS
+from handfast.proofs.tolerance import EPS, motion_size
 from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.objective import ANY_STATE
@@ -571,6 +572,14 @@ def test_friction_of_a_joint_at_rest_is_no_more_than_its_law(reaction: float, mi
     assert found.shown == (missed < 1e-9)
 
 
+def test_a_joint_rests_where_only_another_one_moves() -> None:
+    """Both are at an end of their friction."""
+    state = {"r": [-0.5, 0, 0, 0, 0, 0], "q": [0, 0.25], "forces": [[0.5, 0, 0]], "reaction": [0.5, -0.5]}
+    mechanism = Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ())
+    found = near(*asked(held_back(mechanism, friction=0.5), [-0.5, 0, 0, 0, 0, 0], state))
+    assert found.modes.joint.tolist() == [Part.RESTS, Part.MOVES]
+
+
 @pytest.mark.parametrize("F", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize(("sense", "mode"), [(1.0, Part.OPENS), (-1.0, Part.MOVES)])
 def test_friction_of_a_joint_that_moves_is_that_of_its_sense(sense: float, mode: int, F: float) -> None:
@@ -610,6 +619,43 @@ def test_a_joint_is_held_where_its_stop_is(stop: str, sense: float, friction: fl
     beyond = near(p, replace(x, q=np.array([-0.5 * sense, 0.0]), r=np.array([-1.5, 0, 0, 0, 0, 0])))
     assert not beyond.shown
     assert friction or (beyond.missed, beyond.where) == (np.inf, "the stop of joint 'b'")
+
+
+def test_a_joint_that_leaves_its_stop_on_a_curve_is_not_held_there() -> None:
+    """It had come 0.4 away: of a curve one end is back at the stop, one is where it was."""
+    joints = [slide("b", [1, 0, 0], 0, stop="lower"), slide("free", [0, 1, 0], friction=0.5)]
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ()))
+    back = {"q": [-0.4, 0.0], "reaction": [1.0, 0.0]}
+    p, x = asked(grasp, [-1, 0, 0, 0, 0, 0], {"r": [-1.4, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]]} | back)
+    p = replace(p, grasp=p.grasp.with_start(StartData(np.zeros(1), np.array([0.4, 0.0]), np.zeros(0))))
+    away = replace(x, q=np.zeros(2), r=np.array([-1.0, 0, 0, 0, 0, 0]))
+    assert on_a_curve(p, x, x, p.wrench).modes.joint[0] == Part.BACK
+    for found in (on_a_curve(p, x, away, p.wrench), on_a_curve(p, away, x, p.wrench)):
+        assert found.modes.joint[0] == Part.FREE
+        assert not found.shown
+
+
+@pytest.mark.parametrize(
+    ("load", "force", "where", "missed"),
+    [
+        ([-1.25, 0, 0, 0, 0, 0], 1.0, "(1), forces", 0.25),
+        ([-1, 0, 0, 0, 0.25, 0], 1.0, "(1), torques", 0.25),
+        ([-1, 0, 0, 0, 0, 0], 1.25, "(2) of joint 'b'", 0.25),
+    ],
+)
+def test_what_is_missed_is_rounded_up(load: list[float], force: float, where: str, missed: float) -> None:
+    """By 1e-9 of it, which is more than sums are off; 1 N m is as much as 1 N at contacts 1 m from their middle."""
+    contacts = [Contact([0, 0, z], [1, 0, 0], 0.0) for z in (1.0, -1.0)]
+    joints = [GraspJoint("b", [1, 0, 0], [0, 0, 0], (0, 1), "prismatic")]
+    grasp = Grasp(contacts, joints, Mechanism.direct(["b"]))
+    state = {"r": [-0.5, 0, 0, 0, 0, 0], "forces": [[0.5, 0, 0]] * 2, "f": [force]}
+    p, x = asked(grasp, load, state)
+    found = near(p, x)
+    assert found.where == where
+    share = found.missed * p.granted / missed
+    assert 1 + 0.9e-9 < share < 1 + 1.1e-9
+    assert found.motion == pytest.approx(motion_size(p.grasp, x.motion))
+    assert found.motion > 0
 
 
 def test_a_command_is_within_the_limit_of_its_motor() -> None:
@@ -671,6 +717,7 @@ def test_products_of_curves_are_those_of_their_points() -> None:
     """(1 + t^2) (3 t^3 - t), cubic controls each: the product's control values by hand."""
     a, b = np.array([[1], [1], [4 / 3], [2]]), np.array([[0], [-1 / 3], [-2 / 3], [2]])
     by_hand = np.array([0, -1 / 6, -1 / 3, -2 / 5, -4 / 15, 2 / 3, 4])[:, None]
+    _weights.cache_clear()  # not what another test has made
     assert product(a, b) == pytest.approx(by_hand, abs=1e-15)
     assert product(a, b).shape == by_hand.shape
     assert nodes(2) == pytest.approx([0, 0.5, 1])
@@ -679,6 +726,7 @@ def test_products_of_curves_are_those_of_their_points() -> None:
 def test_control_values_are_those_of_a_polynomial() -> None:
     """t^2 and 2 t (1 - t) from their values at 0, 1/2 and 1; lengths of curves beside others are as near as alone."""
     values = np.array([[0, 0], [0.25, 0.5], [1, 0]])
+    controls_of.cache_clear()
     assert controls_of(2) @ values == pytest.approx(np.array([[0, 0], [0, 1], [1, 0]]), abs=1e-15)
     a = np.array([[1, 0], [5, 1], [-3, 2]], dtype=float)[:, None]
     small, straight = 1e-3 * a, np.array([[1, 0], [2, 0], [3, 0]], dtype=float)[:, None]
@@ -781,8 +829,8 @@ def test_no_number_is_no_small_fault() -> None:
 
 
 def test_least_lengths_of_vectors_beside_others_are_those_alone() -> None:
-    a = np.array([[[3.0, 4], [1, 0], [1, 0]], [[3, 4], [0, 1], [-1, 0]]])
-    assert least_norm(a) == pytest.approx([5, np.sqrt(0.5), 0])
+    a = np.array([[[3.0, 4], [1, 0], [1, 0], [2, 0], [5, 0]], [[3, 4], [0, 1], [-1, 0], [7, 0], [1, 0]]])
+    assert least_norm(a) == pytest.approx([5, np.sqrt(0.5), 0, 2, 1])
 
 
 @pytest.mark.parametrize("law", ["locked", "commanded", "friction", "coupled"])
