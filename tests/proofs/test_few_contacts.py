@@ -405,6 +405,7 @@ def test_the_largest_torque_counts_of_several() -> None:
         ({"solids": [{"kind": "sphere", "size": [1.0], "pose": (1.001 * np.eye(4)).tolist()}]}, "not rigid"),
         ({"solids": [{"kind": "mesh", "vertices": [[0, 0, 0]], "faces": [[0, 0, 1]]}]}, "not there"),
         ({"more": 1}, "known field"),
+        ({"force_limit": -1.0}, "^force_limit: is -1; 0 or more is needed$"),
         ({"schema": "handfast/contacts/2"}, "^schema: is 'handfast/contacts/2'; 'handfast/contacts/1' is needed"),
         ({"solids": []}, "^solids: is empty"),
         ({"loads": {}}, "^loads: is empty"),
@@ -472,6 +473,77 @@ def test_a_torque_beside_a_thousand_times_a_larger_one_is_no_direction() -> None
         assert not of_loads(few + 1, turns, contacts=1).ok
 
 
+def test_forces_and_torques_are_directions_of_their_own() -> None:
+    """A force along z and a torque about x take two contacts each, not three together."""
+    both: dict[str, list[float]] = {
+        "a": [0, 0, 1, 0, 0, 0],
+        "b": [0, 0, -1, 0, 0, 0],
+        "c": [0, 0, 0, 0.1, 0, 0],
+        "d": [0, 0, 0, -0.1, 0, 0],
+    }
+    assert of_loads(2, both, contacts=1).ok
+    assert not of_loads(3, both).ok
+
+
+def test_why_is_said_with_what_is_shown() -> None:
+    one = loaded([[0, 0, 1, 0, 0, 0]], 0.5, force_limit=0.4, torsion=0.01)
+    data = to_json(one, ["w"], "thing", one.fewest())
+    assert (data["contacts"], data["reason"], data["torsion"], data["force_limit"]) == (3, "force", 0.01, 0.4)
+    why = "the normal forces that are allowed do not add up to the loads"
+    assert replay(data).claim.endswith(f"1 or 2 contacts on its surface cannot hold: {why}")
+    plain = to_json(loaded([[0, 0, 1, 0, 0, 0]]), ["w"], "thing", Fewest(1))
+    assert "torsion" not in plain
+    assert plain["force_limit"] is None
+
+
+# --- what turns without friction --------------------------------------------------------------------------
+
+
+def pieces(*said: tuple[str, list[float]]) -> tuple[ConvexSolid, ...]:
+    return tuple(ConvexSolid.read(Fields({"kind": kind, "size": size}, "")) for kind, size in said)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "turns"),
+    [
+        ("ellipsoid", [0.03, 0.03, 0.03], True),
+        ("ellipsoid", [0.03, 0.03, 0.04], False),
+        ("sphere", [0.03], True),
+        ("capsule", [0.03, 0.03], False),
+        ("cylinder", [0.03, 0.03], False),
+    ],
+)
+def test_a_ball_turns_about_any_axis(kind: str, size: list[float], turns: bool) -> None:
+    across = Held(pieces((kind, size)), np.zeros(3), np.array([[0, 0, 0, 0.1, 0.2, 0]]), 0.0)
+    assert across._turning() == (Fewest(None, "turning") if turns else Fewest(1))
+
+
+@pytest.mark.parametrize(
+    ("loads", "least"),
+    [
+        ([[1, 0, 0, 0, 0, 1]], 0.13),
+        ([[1, 0, 0, 0, 0, 1], [100, 0, 0, 0, 0, 0]], 0.13),
+        ([[1, 0, 0, 5, 0, 1]], 5.13),
+        ([[1, 0, 0, 0, 0, 1], [0, 0, 0, 100, 0, 0]], 0.13),
+    ],
+)
+def test_a_torque_about_the_axis_is_one_beside_its_load(loads: list[list[float]], least: float) -> None:
+    """A millionth of its size, 1 N being 0.13 N m at the end of the can, which is farther than that of the ball."""
+    solids = pieces(("cylinder", [0.03, 0.1]), ("sphere", [0.02]))
+    for share, turns in ((1.02, True), (0.98, False)):
+        some = np.array(loads, dtype=float)
+        some[0, 5] = share * 1e-6 * least
+        found = Held(solids, np.zeros(3), some, 0.0)._turning()
+        assert found == (Fewest(None, "turning") if turns else Fewest(1))
+
+
+@pytest.mark.parametrize(("off", "weighed"), [(0.0, True), (0.4e-9, True), (0.6e-9, False), (1.1e-9, False)])
+def test_weights_act_at_the_centre_of_mass(off: float, weighed: bool) -> None:
+    """But for a part in 1e9 of what they are at 0.5 m, each of its own."""
+    every = np.vstack([np.eye(3), -np.eye(3)])
+    assert loaded(np.hstack([every, off * np.roll(every, 1, axis=1)]))._weighed() == weighed
+
+
 # --- limits of forces -----------------------------------------------------------------------------------
 
 
@@ -487,12 +559,13 @@ def test_forces_up_to_a_limit_add_up_to_a_load(limit: float, few: int) -> None:
     """1 N; just as much as contacts may give is let pass."""
     found = loaded([[0, 0, 1, 0, 0, 0]], force_limit=limit).fewest()
     assert found == (Fewest(few, "force") if few > 1 else Fewest(1))
+    assert loaded([[0, 0, 1, 0, 0, 0]], force_limit=limit)._force() == found
 
 
 @pytest.mark.parametrize(("friction", "torsion", "arm"), [(0.0, 0.0, 0.5), (0.75, 0.0, 0.625), (0.75, 0.25, 0.875)])
 def test_a_torque_is_a_force_at_the_farthest_point_or_torsion(friction: float, torsion: float, arm: float) -> None:
     """3.5 N m: that over the arm of a contact of 1 N, and never more than that."""
-    at = loaded([[0, 0, 0, 0, 0, 3.5]], friction, force_limit=1.0, torsion=torsion)
+    at = loaded([[0, 0, 0, 0, 0, 3.5], [0, 0, 0, -3.5, 0, 0]], friction, force_limit=1.0, torsion=torsion)
     most = 3.5 / arm
     assert at._force() == Fewest(int(np.ceil(most)) if most % 1 > 1e-9 else round(most), "force")
 
