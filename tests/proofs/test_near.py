@@ -799,6 +799,32 @@ def test_friction_of_a_joint_away_from_its_stop_is_its_own(stop: str, sense: flo
     assert sense * p.grasp.stops_left[0] == 2
 
 
+@pytest.mark.parametrize("F", [1.0, 2.0**-20, 2.0**20])
+@pytest.mark.parametrize(
+    ("ends", "roundings"),
+    [
+        ([([-1, 0, 0], [1, 0.5, 0])] * 2, 4 * (0.5 + 0.5)),  # at the edge of its cone: of c_t and mu c_n
+        ([([-1, 0, 0], [1, 0.25, 0]), ([-1, 0, 0], [1, 0.5, 0])], 4 * (0.5 + 0.5)),
+        # sliding: 32 of (c_t + mu c_n) |d_t|, and 16 of c_t mu c_n over c_t times |d_t|, over the least c_t
+        ([([-1, 4, 0], [1, -0.5, 0])] * 2, (32 * 1 * 4 + 16 * 0.5 * 4) / 0.5),
+        ([([-1, 4, 0], [1, -0.5, 0]), ([-2, 8, 0], [2, -1, 0])], (32 * 2 * 8 + 16 * 1 / 0.5 * 8) / 0.5),
+    ],
+)
+def test_what_rounding_may_hide_is_allowed_for(ends, roundings: float, F: float) -> None:
+    """Numbers that floats hold, so that nothing is off: no more is changed than that, and no less."""
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.5)], [])
+    (p, x), (q, y) = (
+        asked(
+            grasp,
+            [-F * f for f in force] + [0] * 3,
+            {"r": [*F * np.array(d), 0, 0, 0], "forces": [F * np.array(force)]},
+        )
+        for d, force in ends
+    )
+    for found in (on_a_curve(p, y, x, q.wrench), on_a_curve(q, x, y, p.wrench)):
+        assert found.changed == pytest.approx(roundings * 2.0**-53 * F, rel=2e-9)
+
+
 def test_what_is_locked_is_not_back_at_its_stop() -> None:
     """The stop is 0.4 away, where a locked motor cannot be."""
     grasp = Grasp(
@@ -818,6 +844,24 @@ def test_pressure_is_turned_where_normals_are_uncertain() -> None:
         {"r": [-(1 + D) / 0.8, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]]},
     )
     assert near(replace(p, cos=0.8, sin=0.6), x).changed == pytest.approx(1.25 * D, rel=1e-4)
+
+
+def test_what_is_missed_has_the_name_of_its_part() -> None:
+    """The second of two motors moves, D off its command; joints, contacts and motors by their names or numbers."""
+    contacts = [Contact([0, y, 0], [1, 0, 0], 0.0) for y in (0.01, -0.01)]
+    joints = [slide("a", [1, 0, 0], 0), slide("b", [1, 0, 0], 1)]
+    grasp = Grasp(contacts, joints, Mechanism.direct(["a", "b"]), {"a": 1.0, "b": 1.0})
+    state = {"r": [-1, 0, 0, 0, 0, 0], "q": [0, 0.5], "f": [1.0, 1 + D], "forces": [[1, 0, 0]] * 2}
+    p, x = asked(grasp, [-2, 0, 0, 0, 0, 0], state)
+    tables = {f.name: np.stack([getattr(x, f.name)] * 2) for f in fields(State)}
+    with np.errstate(all="ignore"):
+        curve = _Curve(p, np.zeros(2), tables, p.granted)
+    assert curve.faults["actuator 'b', which moves, off its command"] == pytest.approx(D / p.granted, rel=1e-5)
+    names = ["actuator '{}', which moves, off its command", "the limit of actuator '{}'", "the sense of actuator '{}'"]
+    names += ["the reaction of joint '{}' off its law", "the stop of joint '{}'", "the sense of joint '{}'"]
+    due = {name.format(own) for name in names for own in "ab"} | {f"the law of contact {k}" for k in (0, 1)}
+    assert set(curve.faults) <= due
+    assert len({name.replace("'b'", "'a'") for name in curve.faults}) == 7
 
 
 def test_no_number_is_no_small_fault() -> None:
