@@ -498,6 +498,7 @@ def test_work_is_missed_relative_to_the_square_of_the_load(F: float) -> None:
     assert (found.where, found.missed) == ("(1), forces", pytest.approx(D, rel=1e-5))
 
 
+@pytest.mark.parametrize("place", [[0.0, 0, 0], [0.25, -0.5, 0.125]])
 @pytest.mark.parametrize(
     ("axis", "arm", "lever", "where", "missed"),
     [
@@ -506,18 +507,22 @@ def test_work_is_missed_relative_to_the_square_of_the_load(F: float) -> None:
         ([0.6, 0, 0.8], 0.1, 1.0, "(1), torques", 1.5 * (1 + 1)),
     ],
 )
-def test_what_forces_change_by_counts_with_their_levers(axis, arm: float, lever: float, where: str, missed) -> None:
+def test_what_forces_change_by_counts_with_their_levers(
+    axis, arm: float, lever: float, where: str, missed, place
+) -> None:
     """Contacts at h and -h along y; the force at one is D = 1e-10 N above its limit, which a locked joint moves.
 
     Friction of 1/2, with a lever of twisting, changes with it. All are arms in h, which is 1 N at any.
     """
-    h, mu = 0.01, 0.5 * (lever > 0)
-    contacts = [Contact([0, y, 0], [1, 0, 0], mu, torsion=mu * lever * h) for y in (h, -h)]
+    h, mu, place = 0.01, 0.5 * (lever > 0), np.array(place)
+    contacts = [Contact(np.add(place, [0, y, 0]), [1, 0, 0], mu, torsion=mu * lever * h) for y in (h, -h)]
     mechanism = Mechanism(("m",), np.array([[2.0]]), np.zeros((0, 1)), (False,))
-    joint = GraspJoint("a", axis, [0, h + arm * h, 0], (0,))
-    state = {"r": [-1 - D / 2, 0, 0, 0, 0, D / 2 / h], "forces": [[1 + D, 0, 0], [1, 0, 0]]}
+    joint = GraspJoint("a", axis, np.add(place, [0, h + arm * h, 0]), (0,))
+    turn = np.array([0, 0, D / 2 / h])
+    state = {"r": [*([-1 - D / 2, 0, 0] - np.cross(turn, place)), *turn], "forces": [[1 + D, 0, 0], [1, 0, 0]]}
     state["f"] = [axis[2] * arm * h * (1 + D) / 2]
-    p, x = asked(Grasp(contacts, [joint], mechanism), [-2 - D, 0, 0, 0, 0, h * D], state)
+    load = np.array([-2 - D, 0, 0])
+    p, x = asked(Grasp(contacts, [joint], mechanism), [*load, *np.add(np.cross(place, load), [0, 0, h * D])], state)
     assert near(p, x).missed < 1e-14
     found = near(replace(p, force_limit=1.0), x)
     assert (found.where, found.missed * p.granted) == (where, pytest.approx(missed * D, rel=1e-5))
@@ -822,7 +827,7 @@ def test_what_rounding_may_hide_is_allowed_for(ends, roundings: float, F: float)
         for d, force in ends
     )
     for found in (on_a_curve(p, y, x, q.wrench), on_a_curve(q, x, y, p.wrench)):
-        assert found.changed == pytest.approx(roundings * 2.0**-53 * F, rel=2e-9)
+        assert found.changed == pytest.approx(roundings * 2.0**-53 * F * (1 + 1e-9), rel=1e-12)
 
 
 def test_what_is_locked_is_not_back_at_its_stop() -> None:
@@ -850,8 +855,9 @@ def test_what_is_missed_has_the_name_of_its_part() -> None:
     """The second of two motors moves, D off its command; joints, contacts and motors by their names or numbers."""
     contacts = [Contact([0, y, 0], [1, 0, 0], 0.0) for y in (0.01, -0.01)]
     joints = [slide("a", [1, 0, 0], 0), slide("b", [1, 0, 0], 1)]
-    grasp = Grasp(contacts, joints, Mechanism.direct(["a", "b"]), {"a": 1.0, "b": 1.0})
-    state = {"r": [-1, 0, 0, 0, 0, 0], "q": [0, 0.5], "f": [1.0, 1 + D], "forces": [[1, 0, 0]] * 2}
+    geared = Mechanism(("a", "b"), 2 * np.eye(2), np.zeros((0, 2)), (False, False))
+    grasp = Grasp(contacts, joints, geared, {"a": 0.5, "b": 0.5})
+    state = {"r": [-1, 0, 0, 0, 0, 0], "q": [0, 0.5], "f": [0.5, (1 + D) / 2], "forces": [[1, 0, 0]] * 2}
     p, x = asked(grasp, [-2, 0, 0, 0, 0, 0], state)
     tables = {f.name: np.stack([getattr(x, f.name)] * 2) for f in fields(State)}
     with np.errstate(all="ignore"):
@@ -862,6 +868,50 @@ def test_what_is_missed_has_the_name_of_its_part() -> None:
     due = {name.format(own) for name in names for own in "ab"} | {f"the law of contact {k}" for k in (0, 1)}
     assert set(curve.faults) <= due
     assert len({name.replace("'b'", "'a'") for name in curve.faults}) == 7
+    assert curve.actuator.tolist() == [Part.RESTS, Part.MOVES]
+
+
+def test_a_reaction_off_its_law_is_a_force_at_the_joint_s_lever() -> None:
+    """Of the second of two free joints, 2 m from what it moves: 0.5 N m."""
+    contacts = [Contact([0, 0, 0], [1, 0, 0], 0.0) for _ in "ab"]
+    joints = [GraspJoint(name, [0, 0, 1], [0, -2, 0], (k,)) for k, name in enumerate("ab")]
+    grasp = Grasp(contacts, joints, Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ()))
+    state = {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]] * 2, "reaction": [0.0, 0.5]}
+    p, x = asked(grasp, [-2, 0, 0, 0, 0, 0], state)
+    tables = {f.name: np.stack([getattr(x, f.name)] * 2) for f in fields(State)}
+    with np.errstate(all="ignore"):
+        curve = _Curve(p, np.zeros(2), tables, p.granted)
+    assert p.grasp.joint_arms.tolist() == [2, 2]
+    assert curve.faults["the reaction of joint 'b' off its law"] * p.granted == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("missed", "shown"), [(0.0, True), (EPS * (1 - 2e-6), True), (EPS, False), (np.nan, False)])
+def test_a_little_less_than_the_tolerance_is_shown(missed: float, shown: bool) -> None:
+    assert Near(missed, "", SimpleNamespace(), 0.0).shown == shown  # type: ignore[arg-type]
+
+
+def test_friction_of_one_is_friction() -> None:
+    state = {"r": [-1, 0, 0, 0, 0, 0], "forces": [[1, 0.5, 0]]}
+    assert near(*asked(Grasp([Contact([0, 0, 0], [1, 0, 0], 1.0)], []), [-1, -0.5, 0, 0, 0, 0], state)).shown
+
+
+def test_a_motor_and_friction_at_one_joint_are_off_together() -> None:
+    """Each D beyond what it may: 0.5 N and 0.5 N."""
+    mechanism = Mechanism(("m",), np.array([[1.0, 0.0]]), np.zeros((0, 2)), (False,))
+    grasp, off = held_back(mechanism, friction=0.5), 0.5 + D
+    state = {"r": [-2 * off, 0, 0, 0, 0, 0], "forces": [[2 * off, 0, 0]], "f": [off], "reaction": [off, 0.0]}
+    p, x = asked(grasp, [-2 * off, 0, 0, 0, 0, 0], state, torque_limits={"m": 0.5})
+    found = near(p, x)
+    assert (found.where, found.missed * p.granted) == ("(2) of joint 'b'", pytest.approx(2 * D, rel=1e-4))
+
+
+def test_work_that_is_missed_is_rounded_up() -> None:
+    """0.25 N times 4e6 m, of (1.25 N)^2; a thousandth of it counts as much as forces do."""
+    state = {"r": [-1, 4e6, 0, 0, 0, 0], "forces": [[1, 0, 0]]}
+    found = near(*asked(Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], []), [-1.25, 0, 0, 0, 0, 0], state))
+    assert found.where == "the work of what (1) and (2) miss"
+    share = found.missed * 1.25**2 / (0.25 * np.hypot(1, 4e6) * 1e-3)
+    assert 1 + 0.9e-9 < share < 1 + 1.1e-9
 
 
 def test_no_number_is_no_small_fault() -> None:
