@@ -181,6 +181,9 @@ def test_what_is_no_closed_convex_mesh_shows_nothing() -> None:
     (solid,) = one.solids
     assert one.fewest().contacts == 3
     assert replace(one, solids=(replace(solid, faces=solid.faces[1:]),)).fewest().contacts == 2
+    broken = replace(solid, faces=solid.faces[1:])
+    for solids in ((solid, broken), (broken, solid)):
+        assert not replace(one, solids=solids)._no_line()
     other = solid_of(stone(3, 20))
     dented = other.vertices.copy()
     dented[0] = 0.1 * dented[0] + 0.9 * dented.mean(axis=0)
@@ -493,6 +496,11 @@ def test_why_is_said_with_what_is_shown() -> None:
     assert replay(data).claim.endswith(f"1 or 2 contacts on its surface cannot hold: {why}")
     plain = to_json(loaded([[0, 0, 1, 0, 0, 0]]), ["w"], "thing", Fewest(1))
     assert "torsion" not in plain
+    assert [set(solid) for solid in plain["solids"]] == [{"kind", "size", "pose"}]
+    claim = "with a friction of 0, of w: 1 contact on its surface cannot hold"
+    assert replay(plain | {"contacts": 2}).claim == claim
+    with pytest.raises(BadFile, match=r"^filter\.reason: is missing$"):
+        replay({key: x for key, x in plain.items() if key != "reason"}, "filter")
     assert plain["force_limit"] is None
 
 
@@ -514,8 +522,18 @@ def pieces(*said: tuple[str, list[float]]) -> tuple[ConvexSolid, ...]:
     ],
 )
 def test_a_ball_turns_about_any_axis(kind: str, size: list[float], turns: bool) -> None:
-    across = Held(pieces((kind, size)), np.zeros(3), np.array([[0, 0, 0, 0.1, 0.2, 0]]), 0.0)
+    across = Held(pieces((kind, size)), np.zeros(3), np.array([[0, 0, 0, 0, 0.1, 0]]), 0.0)
     assert across._turning() == (Fewest(None, "turning") if turns else Fewest(1))
+
+
+def test_a_ball_turns_about_its_own_middle_with_any_of_the_loads() -> None:
+    place = np.eye(4)
+    place[0, 3] = 0.1
+    ball = ConvexSolid.read(Fields({"kind": "sphere", "size": [0.03], "pose": place.tolist()}, ""))
+    up, turn = [0, 0, 1, 0, -0.1, 0], [0, 0, 0, 0, 0, 0.1]  # up through its middle
+    for loads, turns in (([turn], True), ([[0] * 6, turn], True), ([up, turn], True), ([up], False)):
+        found = Held((ball,), np.zeros(3), np.array(loads, dtype=float), 0.0)._turning()
+        assert found == (Fewest(None, "turning") if turns else Fewest(1))
 
 
 @pytest.mark.parametrize(
@@ -535,6 +553,24 @@ def test_a_torque_about_the_axis_is_one_beside_its_load(loads: list[list[float]]
         some[0, 5] = share * 1e-6 * least
         found = Held(solids, np.zeros(3), some, 0.0)._turning()
         assert found == (Fewest(None, "turning") if turns else Fewest(1))
+
+
+@pytest.mark.parametrize("size", [1e-10, 1.0, 1e10])
+def test_loads_have_the_other_sign_if_they_have_the_other_direction(size: float) -> None:
+    loads = size * np.array(
+        [[1.0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [-3, 0, 0, 0, 0, 0], [0, -1, 1e-6, 0, 0, 0], [0] * 6]
+    )
+    assert loaded(loads)._both().tolist() == [True, False, True, False, False]
+    assert loaded(loads).opposed() == Fewest(2, "opposed")
+
+
+@pytest.mark.parametrize(("up", "weighed"), [(0.11, True), (0.09, False), (0.0, False)])
+def test_weights_are_from_every_side_that_are_not_nearly_in_a_plane(up: float, weighed: bool) -> None:
+    """Along x, y and (sqrt(1 - up^2), 0, up): the least singular value of all six is up."""
+    ways = np.array([[1.0, 0, 0], [0, 1, 0], [np.sqrt(1 - up**2), 0, up]])
+    for sizes in (1.0, np.array([[1.0], [50.0], [0.01]])):
+        every = np.vstack([sizes * ways, -sizes * ways])
+        assert loaded(np.hstack([every, 0 * every]))._weighed() == weighed
 
 
 @pytest.mark.parametrize(("off", "weighed"), [(0.0, True), (0.4e-9, True), (0.6e-9, False), (1.1e-9, False)])
@@ -560,6 +596,11 @@ def test_forces_up_to_a_limit_add_up_to_a_load(limit: float, few: int) -> None:
     found = loaded([[0, 0, 1, 0, 0, 0]], force_limit=limit).fewest()
     assert found == (Fewest(few, "force") if few > 1 else Fewest(1))
     assert loaded([[0, 0, 1, 0, 0, 0]], force_limit=limit)._force() == found
+
+
+def test_the_largest_force_counts_of_several() -> None:
+    """2 N along one way take three contacts of 0.9 N; 3 N in all, of which one contact gives twice 0.9, take two."""
+    assert loaded([[0, 0, 1, 0, 0, 0], [0, 0, 2, 0, 0, 0]], force_limit=0.9)._force() == Fewest(3, "force")
 
 
 @pytest.mark.parametrize(("friction", "torsion", "arm"), [(0.0, 0.0, 0.5), (0.75, 0.0, 0.625), (0.75, 0.25, 0.875)])
@@ -591,6 +632,8 @@ def test_directions_are_tried_in_steps_over_the_faces_of_a_cube() -> None:
     for along, nearest in ((CORNER, 1.0), (UP, 1 / np.sqrt(1 + 2 / 199**2)), (-UP, 1 / np.sqrt(1 + 2 / 199**2))):
         gives = 1 / loaded([[0.0] * 6])._in_all_directions(along[None], np.ones(1))
         assert gives == pytest.approx(nearest + between, rel=1e-12)
+    gives = 1 / loaded([[0.0] * 6], 0.75)._in_all_directions(UP[None], np.ones(1))
+    assert gives == pytest.approx(1.25 * (1 + between), rel=3e-5)
 
 
 def test_what_a_contact_gives_to_loads_of_both_signs_is_to_one_of_them() -> None:
