@@ -645,6 +645,7 @@ def test_a_joint_that_leaves_its_stop_on_a_curve_is_not_held_there() -> None:
     [
         ([-1.25, 0, 0, 0, 0, 0], 1.0, "(1), forces", 0.25),
         ([-1, 0, 0, 0, 0.25, 0], 1.0, "(1), torques", 0.25),
+        ([-1, 0, 0, 0.25, 0, 0], 1.0, "(1), torques", 0.25),
         ([-1, 0, 0, 0, 0, 0], 1.25, "(2) of joint 'b'", 0.25),
     ],
 )
@@ -888,6 +889,46 @@ def test_a_reaction_off_its_law_is_a_force_at_the_joint_s_lever() -> None:
 @pytest.mark.parametrize(("missed", "shown"), [(0.0, True), (EPS * (1 - 2e-6), True), (EPS, False), (np.nan, False)])
 def test_a_little_less_than_the_tolerance_is_shown(missed: float, shown: bool) -> None:
     assert Near(missed, "", SimpleNamespace(), 0.0).shown == shown  # type: ignore[arg-type]
+
+
+def test_work_at_a_joint_counts_at_any_end_of_a_curve() -> None:
+    """As above: a motor of 1 + 1e-10 N, from where it has not moved to 4000 m, or back."""
+    grasp = Grasp(
+        [Contact([0, 0, 0], [1, 0, 0], 0.0)], [slide("b", [1, 0, 0], 0)], Mechanism.direct(["b"]), {"b": 1 + D}
+    )
+    state = {"r": [3999, 0, 0, 0, 0, 0], "q": [4000], "f": [1 + D], "forces": [[1, 0, 0]]}
+    p, x = asked(grasp, [-1, 0, 0, 0, 0, 0], state)
+    begun = replace(x, r=np.array([-1.0, 0, 0, 0, 0, 0]), q=np.zeros(1))
+    for found in (on_a_curve(p, x, begun, p.wrench), on_a_curve(p, begun, x, p.wrench)):
+        assert (found.where, found.missed) == ("the work of what (1) and (2) miss", pytest.approx(4e-10, rel=1e-5))
+
+
+def test_a_stop_carries_beyond_friction_all_along_a_curve() -> None:
+    """It is back at the stop; at one end its reaction of 0.1 N is one that friction of 0.25 N takes alone."""
+    joints = [slide("b", [1, 0, 0], 0, stop="lower", friction=0.25), slide("free", [0, 1, 0], friction=0.5)]
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], joints, Mechanism((), np.zeros((0, 2)), np.zeros((0, 2)), ()))
+    start = StartData(np.zeros(1), np.array([0.4, 0.0]), np.zeros(0))
+    states = []
+    for push in (1.0, 0.1):
+        state = {"r": [-0.4 - push, 0, 0, 0, 0, 0], "forces": [[push, 0, 0]], "q": [-0.4, 0], "reaction": [push, 0]}
+        p, x = asked(grasp, [-push, 0, 0, 0, 0, 0], state)
+        states.append((replace(p, grasp=p.grasp.with_start(start)), x))
+    (p, x), (q, y) = states
+    assert near(p, x).modes.joint[0] == Part.BACK
+    for found in (on_a_curve(p, y, x, q.wrench), on_a_curve(q, x, y, p.wrench)):
+        assert found.modes.joint[0] == Part.RESTS
+        assert not found.shown
+
+
+@pytest.mark.parametrize("mdp", [True, False])
+def test_an_open_soft_finger_carries_nothing(mdp: bool) -> None:
+    """It is 1 m away, beside a contact that carries the load."""
+    contacts = [Contact([0, 0, 0], [1, 0, 0], 0.5, torsion=0.01), Contact([0, 0, 0], [0, 0, 1], 0.0)]
+    state = {"r": [1, 0, -1, 0, 0, 0], "forces": [[0, 0, 0], [0, 0, 1]]}
+    p, x = asked(Grasp(contacts, []), [0, 0, -1, 0, 0, 0], state)
+    found = near(replace(p, mdp=mdp), x)
+    assert found.shown
+    assert found.modes.contact[0] == Kind.OPEN
 
 
 def test_friction_of_one_is_friction() -> None:
