@@ -499,6 +499,9 @@ def test_why_is_said_with_what_is_shown() -> None:
     assert [set(solid) for solid in plain["solids"]] == [{"kind", "size", "pose"}]
     claim = "with a friction of 0, of w: 1 contact on its surface cannot hold"
     assert replay(plain | {"contacts": 2}).claim == claim
+    nothing = "any number of contacts on its surface may hold"
+    assert replay(plain | {"contacts": 2}).reason == f"shown is only that {nothing}"
+    assert replay(plain | {"contacts": 1}).claim == f"with a friction of 0, of w: {nothing}"
     with pytest.raises(BadFile, match=r"^filter\.reason: is missing$"):
         replay({key: x for key, x in plain.items() if key != "reason"}, "filter")
     assert plain["force_limit"] is None
