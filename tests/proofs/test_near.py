@@ -828,7 +828,35 @@ def test_what_rounding_may_hide_is_allowed_for(ends, roundings: float, F: float)
         for d, force in ends
     )
     for found in (on_a_curve(p, y, x, q.wrench), on_a_curve(q, x, y, p.wrench)):
-        assert found.changed == pytest.approx(roundings * 2.0**-53 * F * (1 + 1e-9), rel=1e-12)
+        assert found.changed == pytest.approx(roundings * 2.0**-53 * F * (1 + 1e-9), rel=1e-11, abs=0)
+
+
+def test_each_contact_changes_as_if_it_were_alone() -> None:
+    """Five at one place, from one state to another: with and without friction, sliding, open, and a little off."""
+    ends = [np.array([-1.0, 0.25, -2, 0, 0, 0]), np.array([-2.0, 0.5, -1, 0, 0, 0])]
+    normals, mu = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0], [-1, 0, 0]], [0.5, 0.25, 0.0, 4.0, 0.5]
+    forces = [
+        [[1, -0.1, 0.5 + D], [0, 0, 0], [0, 0, 2], [1 + D, 0.5, 3.9], [0, 0, 0]],
+        [[2, -0.4, 0.9], [0, D, 0], [0.5 * D, D, 1 - D], [2, 0.25, 0], [-D, 0, D]],
+    ]
+
+    def curve(some: list[int]) -> _Curve:
+        grasp = Grasp([Contact([0, 0, 0], normals[k], mu[k]) for k in some], [])
+        made = [
+            asked(grasp, [1, 0, 0, 0, 0, 0], {"r": r, "forces": np.array(f, dtype=float)[some]}, force_limit=1.75)
+            for r, f in zip(ends, forces, strict=True)
+        ]
+        p = replace(made[0][0], cos=0.8, sin=0.6)
+        tables = {f.name: np.stack([getattr(x, f.name) for _, x in made]) for f in fields(State)}
+        with np.errstate(all="ignore"):
+            return _Curve(p, np.zeros(2), tables, 1.0)
+
+    together = curve([*range(5)])
+    for k in range(5):
+        alone = curve([k])
+        assert together.contact[k] == alone.contact[0]
+        assert together.c_off[k] == pytest.approx(alone.c_off[0], rel=1e-12, abs=0)
+        assert together.slip[k] == pytest.approx(alone.slip[0], rel=1e-12, abs=0)
 
 
 def test_what_is_locked_is_not_back_at_its_stop() -> None:
