@@ -73,17 +73,22 @@ def test_a_fixed_joint_may_miss_its_coupling_by_rounding(off: float, size: float
 
 
 def test_coupled_joints_move_as_their_driver_does() -> None:
-    """c = -1.5 b, b = 2 a, and d stays where it is whatever a does; what is said of these does not count."""
-    joints = [joint(name, Z, -1.0, 1.0) for name in "abcd"]
-    couplings = [Coupling(1, 0, 2.0, 0.0), Coupling(2, 1, -1.5, 0.1), Coupling(3, 0, 0.0, 0.2)]
+    """c = -1.5 b, b = 2 a, and d, e stay where they are whatever a does; what is said of these does not count."""
+    joints = [joint(name, Z, -1.0, 1.0) for name in "abcde"]
+    couplings = [
+        Coupling(1, 0, 2.0, 0.0),
+        Coupling(2, 1, -1.5, 0.1),
+        Coupling(3, 0, 0.0, 0.2),
+        Coupling(4, -1, 3.0, 0.2),
+    ]
     hand = chain(("near", "palm", pose(0.1 * X), joints), couplings=couplings)
-    rates = joint_rates(data_of(touched(hand, "near")).hand, np.array([[1.0, 7, 7, 7], [0.0, 7, 7, 7]]))
-    np.testing.assert_allclose((rates.lo + rates.hi) / 2, [[1, 2, -3, 0], [0, 0, 0, 0]], rtol=1e-14)
-    assert rates.ends[0, 3].tolist() == [0, 0]
+    rates = joint_rates(data_of(touched(hand, "near")).hand, np.array([[1.0, 7, 7, 7, 7], [0.0, 7, 7, 7, 7]]))
+    np.testing.assert_allclose((rates.lo + rates.hi) / 2, [[1, 2, -3, 0, 0], [0, 0, 0, 0, 0]], rtol=1e-14)
+    assert not rates.ends[0, 3:].any()
     assert not rates.ends[1].any()
 
 
-@pytest.mark.parametrize("off", [18.0, -18.0, 160.0, -1600.0])
+@pytest.mark.parametrize("off", [16.5, -16.5, 18.0, -18.0, 160.0, -1600.0])
 def test_a_fixed_joint_may_not_miss_its_coupling_by_more(off: float) -> None:
     with pytest.raises(Refused, match=r"joint b is fixed at -0.5 by its limits, at -0.5 by its coupling"):
         drive_of(follower(-0.5 + off * MACHINE_EPSILON))
@@ -124,6 +129,34 @@ def test_a_link_s_frame_is_a_rotation_but_for_rounding(column: int, off: float, 
     else:
         with pytest.raises(Refused, match=r"link near does not stand at a rotation, but .*e-1[12] off one"):
             arms_of(task)
+
+
+def test_a_joint_without_a_driver_stands_at_the_offset_of_its_coupling() -> None:
+    """Nothing is 3 times as far as the last joint; a that is coupled to nothing is where its limits say, to the bit."""
+    hand = chain(
+        ("near", "palm", pose(0.1 * X), [joint("a", Z, 0.3, 0.3)]),
+        ("far", "near", pose(0.1 * X), [joint("b", Z, OFFSET, OFFSET)]),
+        couplings=[Coupling(1, -1, 3.0, OFFSET)],
+    )
+    drive = drive_of(touched(hand, "far"))
+    assert (drive.joints, drive.column.tolist()) == ((0, 1), [0, 0])
+    assert (drive.shift.lo[0], drive.shift.hi[0]) == (0.3, 0.3)
+    assert drive.shift.mid[1] == OFFSET
+    assert drive.at(Interval.of(np.zeros((2, 1)))).mid.tolist() == [[0.3, OFFSET]] * 2
+
+
+def test_an_upright_frame_is_exact() -> None:
+    frame = arms_of(touched(chain(("near", "palm", pose(0.1 * X), [joint("a", Z)])), "near")).frame
+    np.testing.assert_array_equal(frame.ends, Interval.of(np.tile(np.eye(3), (2, 1, 1))).ends)
+
+
+def test_a_link_behind_two_joints_stands_at_its_pose_once() -> None:
+    """0.1 m out on x: turns by a quarter about y there, after that by a quarter about z; its x axis is along y then."""
+    hand = chain(("tip", "palm", pose(0.1 * X), [joint("a", Y), joint("b", Z)]))
+    point, vector = (Dual.constant(Interval.of(v.reshape(1, 1, 3)), 2) for v in (0.5 * X, X))
+    at, along, _ = arms_of(touched(hand, "tip")).carry(Interval.of(np.full((1, 2), np.pi / 2)), point, vector, 5)
+    np.testing.assert_allclose(at.value.mid[0, 0], [0.1, 0.5, 0], atol=1e-15)
+    np.testing.assert_allclose(along.value.mid[0, 0], Y, atol=1e-15)
 
 
 def test_without_joints_there_is_nothing_to_drive() -> None:
@@ -224,9 +257,9 @@ def test_a_link_that_no_joint_moves_stands_at_its_pose() -> None:
     turned = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     arms = arms_of(touched(chain(("tip", "palm", pose(X, turned), [])), "tip"))
     rng = np.random.default_rng(2)
-    point, vector = rng.normal(size=(2, 2, 1, 3))
-    slopes = rng.normal(size=(2, 2, 2, 1, 3))
-    none = Interval.of(np.zeros((2, 0)))
+    point, vector = rng.normal(size=(2, 3, 1, 3))
+    slopes = rng.normal(size=(2, 2, 3, 1, 3))
+    none = Interval.of(np.zeros((3, 0)))
     at, along, by_joints = arms.carry(
         none, *(Dual(Interval.of(v), Interval.of(s)) for v, s in zip((point, vector), slopes, strict=True)), 5
     )
@@ -234,7 +267,7 @@ def test_a_link_that_no_joint_moves_stands_at_its_pose() -> None:
     np.testing.assert_allclose(along.value.mid, vector @ turned.T, atol=1e-14)
     for got, slope in zip((at, along), slopes, strict=True):
         np.testing.assert_allclose(got.slope.mid, slope @ turned.T, atol=1e-14)
-    assert by_joints.shape == (2, 5, 2, 1, 3)
+    assert by_joints.shape == (2, 5, 3, 1, 3)
     assert by_joints.mag.max() < 1e-280
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -66,3 +68,61 @@ def test_how_deep_two_links_may_be_in_each_other_is_said_once(pairs: list[tuple[
     assert known.depth_allowed(1, 0) == 0.5
     with pytest.raises(BadFile, match=line):
         SolidsData.read(Fields({**said, "pairs": each}), ["palm", "tip"])
+
+
+SPHERE = {"kind": "sphere", "size": [0.01], "pose": np.eye(4).tolist()}
+QUESTION: dict[str, Any] = {
+    "links": [{"link": "tip", "solids": [SPHERE]}],
+    "object": [SPHERE],
+    "depth": 0.001,
+    "pairs": [{"first": "palm", "second": "tip", "depth": 0.5}],
+}
+
+
+@pytest.mark.parametrize(
+    ("changed", "line"),
+    [
+        ({"kind": "cone"}, r"^object\[0\].kind: is 'cone'; 'box' or 'sphere' or "),
+        ({"size": [0.0]}, r"^object\[0\].size: has a size that is not above 0$"),
+        ({"kind": "box", "size": [1.0, 0.0, 1.0]}, r"^object\[0\].size: has a size that is not above 0$"),
+        ({"size": [0.01, 0.01]}, r"^object\[0\].size: has 2 numbers; 1 are needed"),
+        ({"pose": (1.001 * np.eye(4)).tolist()}, r"^object\[0\].pose: is no rotation$"),
+        ({"pose": np.diag([1.0, 1, -1, 1]).tolist()}, r"^object\[0\].pose: is no rotation$"),
+        ({"pose": np.diag([1.0, 1, 1 + 2e-9, 1]).tolist()}, r"^object\[0\].pose: is no rotation$"),
+        ({"vertices": []}, r"^object\[0\].vertices: is not a known field"),
+    ],
+)
+def test_what_is_no_solid_is_named(changed: dict[str, Any], line: str) -> None:
+    with pytest.raises(BadFile, match=line):
+        SolidsData.read(Fields(QUESTION | {"object": [SPHERE | changed]}), ["palm", "tip"])
+
+
+PAIR = QUESTION["pairs"][0]
+
+
+@pytest.mark.parametrize(
+    ("changed", "line"),
+    [
+        ({"links": QUESTION["links"] * 2}, r"^links\[1\]: is there twice$"),
+        ({"links": [{"link": "thumb", "solids": []}]}, r"^links\[0\].link: is 'thumb'; 'palm' or 'tip' is needed$"),
+        ({"links": [{"link": "tip", "solids": [], "more": 1}]}, r"^links\[0\].more: is not a known field"),
+        ({"depth": -1e-9}, "^depth: is -1e-09; 0 or more is needed$"),
+        ({"pairs": [PAIR | {"second": "palm"}]}, r"^pairs\[0\]: is a link with itself$"),
+        ({"pairs": [PAIR, PAIR | {"first": "tip", "second": "palm"}]}, r"^pairs\[1\]: is there twice$"),
+        ({"pairs": [PAIR | {"depth": -1e-9}]}, r"^pairs\[0\].depth: is -1e-09; 0 or more is needed$"),
+        ({"pairs": [PAIR | {"more": 1}]}, r"^pairs\[0\].more: is not a known field"),
+        ({"more": 1}, "^more: is not a known field"),
+    ],
+)
+def test_what_is_wrong_with_the_solids_of_a_question_is_named(changed: dict[str, Any], line: str) -> None:
+    with pytest.raises(BadFile, match=line):
+        SolidsData.read(Fields(QUESTION | changed), ["palm", "tip"])
+
+
+def test_a_link_without_solids_has_none_and_no_depth_in_the_object() -> None:
+    data = SolidsData.read(Fields(QUESTION), ["palm", "tip"])
+    assert data.of(0) == ()
+    assert [[solid.kind for solid in data.of(body)] for body in (1, -1)] == [["sphere"], ["sphere"]]
+    assert data.allowed == {(1, -1): 0.001, (0, 1): 0.5}
+    assert [data.may_not_meet(*pair) for pair in ((1, -1), (0, -1), (0, 1), (1, 0))] == [True, False, True, True]
+    assert data.of(1)[0].vertices.shape == (0, 3)

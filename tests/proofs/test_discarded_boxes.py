@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from handfast.proofs.discarded_boxes import (
     DiscardCounts,
     NoGraspProof,
     OpenBox,
+    _faced,
+    discarded,
     hand_motion,
     inside,
     replay_no_grasp,
@@ -137,16 +140,51 @@ def test_what_is_known_of_boxes_that_do_not_overlap_enough() -> None:
     assert strict.missing[1] == pytest.approx(0.7 - 0.5 - 0.095, abs=1e-12)
     assert strict.missing[1] < strict.missing[0] < strict.missing[1] + 1e-3
     assert strict.near[1] == 0.0
+    # what would have to be smaller, where it is not shown: where it touches the wall, not how far the finger slides
+    columns = contacts.sides.column
+    assert found.reach.shape == strict.reach.shape == (4, len(contacts.root))
+    assert not found.reach[:2].any()
+    assert strict.reach[0, [columns["contact:0:s"], columns["contact:0:t"]]] == pytest.approx([2e-4, 2e-4], rel=0.01)
+    assert np.sort(strict.reach[0])[-3] < 1e-12
+    assert strict.reach[1].max() < 1e-12
     chosen = collision.chosen([2, 0])
     assert chosen.points.tolist() == [[0, 0.005, 0.345], TIP]
     assert chosen.to_json(LINKS)[1] == claim(point=TIP)
 
 
+def test_each_box_is_discarded_by_its_own_claim() -> None:
+    """The fingertip is 0.595 m deep in the object and 1.395 m deep in the palm: more than one or the other allows."""
+    contacts = ContactBoxes.of(gripper().part([0]))
+    middle = np.repeat(contacts.root.mean(axis=1)[:, None], 2, axis=1)
+    boxes = Boxes.of(contacts, np.array([middle] * 3), np.zeros(3, dtype=np.int64))
+    which = np.array([[1, 0, OBJECT_LINK, 0], [1, 0, 0, 0]])
+    for depth, between, object_alone in ((0.5, 9.0, True), (9.0, 1.3, False)):
+        shapes = SolidsData.read(solids(depth, between), LINKS)
+        collision = Collision(shapes, which, np.array([TIP, TIP]))
+        found = collision.examined(boxes, np.array([0, 1, 0]))
+        assert found.refuted.tolist() == [object_alone, not object_alone, object_alone]
+    assert [said["body"] for said in collision.to_json(LINKS)] == [None, "palm"]
+
+
+def test_a_middle_tells_more_of_a_small_box_than_its_sides() -> None:
+    """Of boxes a hundredth as large as the root, around its middle: depths change by a hundredth of 20 mm and more."""
+    contacts = ContactBoxes.of(gripper().part([0]))
+    middle = contacts.root.mean(axis=1)[:, None]
+    box = middle + 1e-2 * (contacts.root - middle)
+    boxes = Boxes.of(contacts, np.array([box, np.repeat(middle, 2, axis=1)]), np.zeros(2, dtype=np.int64))
+    shapes = SolidsData.read(solids(0.7), LINKS)
+    found = Collision(shapes, np.array([[1, 0, OBJECT_LINK, 0]]), np.array([TIP])).examined(boxes, np.zeros(2, int))
+    assert found.missing[0] - found.missing[1] == pytest.approx(found.reach[0].sum(), rel=0.1)
+
+
 # --- how a finger moves -------------------------------------------------------------------------------
 
 
-def finger() -> TaskData:
-    """An arm that turns about the palm's z axis, on it a tip 0.1 m out that slides along x; it touches a wall twice."""
+def finger(*aside: dict[str, Any]) -> TaskData:
+    """An arm that turns about the palm's z axis, on it a tip 0.1 m out that slides along x; it touches a wall twice.
+
+    aside: joints of a link on the palm that touches nothing.
+    """
     joints = [
         {"name": "turn", "type": "revolute", "axis": [0, 0, 1], "anchor": [0, 0, 0], "limits": [-1, 1], "ref": 0},
         {"name": "slide", "type": "prismatic", "axis": [1, 0, 0], "anchor": [0, 0, 0], "limits": [0, 0.1], "ref": 0},
@@ -158,7 +196,9 @@ def finger() -> TaskData:
         {"name": "arm", "parent": 0, "pose": np.eye(4).tolist(), "joints": [0]},
         {"name": "tip", "parent": 1, "pose": out.tolist(), "joints": [1]},
     ]
-    hand = {"name": "finger", "source": "", "links": links, "joints": joints, "couplings": []}
+    if aside:
+        links.append({"name": "thumb", "parent": 0, "pose": np.eye(4).tolist(), "joints": [*range(2, 2 + len(aside))]})
+    hand = {"name": "finger", "source": "", "links": links, "joints": [*joints, *aside], "couplings": []}
     free, contacts = [[None, None]] * 3, []
     for y in (-0.02, 0.02):
         cap = {"center": [0, y, 0], "radius": 0.01, "axis": [1, 0, 0], "half_angle": 0.5}
@@ -248,6 +288,65 @@ def test_motions_of_a_finger_and_the_work_of_its_motors(pushing: Any) -> None:
     (only,) = hand_motion(contacts, motors, boxes, np.array([[2.0, 0.0]])).joints
     assert only.revolute
     assert hand_motion(contacts, motors, boxes, np.array([[2.0, 0.0]])).slid[0] == 0
+    both = Boxes.of(contacts, np.repeat(boxes.box, 2, axis=0), np.zeros(2, dtype=np.int64))
+    assert hand_motion(contacts, motors, both, np.array([[2.0, 0.0], [2.0, 3.0]])).slid.tolist()[0] == 0
+
+
+def test_joints_of_two_fingers_move_a_contact_each() -> None:
+    task = gripper()
+    contacts = ContactBoxes.of(task)
+    motors = Motors.read(Fields({"actuators": []}, ""), task, {})
+    middle = np.repeat(contacts.root.mean(axis=1)[:, None], 2, axis=1)
+    boxes = Boxes.of(contacts, np.array([middle]), np.array([0]))
+    moved = hand_motion(contacts, motors, boxes, np.array([[1.0, 0.0]]))
+    assert [j.contacts for j in moved.joints] == [(0,), (1,)]
+
+
+def test_how_far_boxes_reach_from_their_middles(pushing: Any) -> None:
+    _, _, boxes = pushing
+    j = int(np.argmax(boxes.box[0, :, 0]))
+    away = boxes.away
+    assert away.shape == boxes.box.shape[:2]
+    assert (away.lo[0, j], away.hi[0, j]) == (pytest.approx(-1e-9, rel=1e-6), pytest.approx(1e-9, rel=1e-6))
+    assert (away.lo <= -0.9e-9).all()
+    assert (away.hi >= 0.9e-9).all()
+
+
+def test_a_joint_that_one_of_the_motions_moves_is_moved(pushing: Any) -> None:
+    contacts, motors, boxes = pushing
+    both = Boxes.of(contacts, np.repeat(boxes.box, 2, axis=0), np.zeros(2, dtype=np.int64))
+    moved = hand_motion(contacts, motors, both, np.array([[2.0, 3.0], [0.0, 3.0]]))
+    assert [j.revolute for j in moved.joints] == [True, False]
+    assert moved.resisted == pytest.approx(np.array([5 * 2 + 7 * 2 * 3, 7 * 2 * 3]))
+    assert moved.turned == pytest.approx(np.array([2.0, 0.0]))
+    assert moved.slid == pytest.approx(np.array([3.0, 3.0]))
+
+
+def test_a_stop_resists_where_its_joint_may_stand_at_it(pushing: Any) -> None:
+    """The slide's lower one, at 0: as the tip goes back it pushes as hard as it likes, 20 mm before it not at all."""
+    contacts, _, boxes = pushing
+    stopped = Motors.read(Fields({"actuators": [], "laws": {"slide": {"stops": [0.0, None]}}}, ""), contacts.task, {})
+    j, back, out = contacts.sides.column["joint:slide"], np.array([[0.0, -3.0]]), np.array([[0.0, 3.0]])
+    assert hand_motion(contacts, stopped, boxes, back).resisted[0] == pytest.approx(0, abs=1e-280)
+    box = boxes.box.copy()
+    box[0, j] = 0.0, 1e-3
+    at_stop = Boxes.of(contacts, box, boxes.charts)
+    assert hand_motion(contacts, stopped, at_stop, back).resisted[0] == np.inf
+    assert hand_motion(contacts, stopped, at_stop, out).resisted[0] == pytest.approx(0, abs=1e-280)
+
+
+@pytest.mark.parametrize(("stops", "rate", "work"), [
+    ([None, -1.0], 1.0, np.inf), ([None, -1.0], -1.0, 0.0), ([-2.0, None], -1.0, np.inf), ([-2.5, None], -1.0, 0.0),
+    ([None, -0.5], 1.0, 0.0),
+])  # fmt: skip
+def test_a_joint_that_moves_no_contact_may_stand_at_either_limit(stops: Any, rate: float, work: float) -> None:
+    bend = {"name": "bend", "type": "revolute", "axis": [0, 0, 1], "anchor": [0] * 3, "limits": [-2, -1], "ref": 0}
+    contacts = ContactBoxes.of(finger(bend))
+    motors = Motors.read(Fields({"actuators": [], "laws": {"bend": {"stops": stops}}}, ""), contacts.task, {})
+    boxes = Boxes.of(contacts, contacts.root[None], np.array([0]))
+    moved = hand_motion(contacts, motors, boxes, np.array([[0.0, 0.0, rate]]))
+    assert moved.joints == ()
+    assert moved.resisted[0] == pytest.approx(work, abs=1e-280)
 
 
 def balance(contacts: ContactBoxes, motors: Motors, load: Sequence[float], *motions: Any) -> Balance:
@@ -263,18 +362,26 @@ def test_a_load_that_the_motors_do_not_carry(pushing: Any) -> None:
     On the twist the load F along x does 3.003 F, and the motors 52 W at most: they do not hold 17.32 N.
     """
     contacts, motors, boxes = pushing
-    along = [3.003, 0.26, 0, 0, 0, 2.0], [2.0, 3.0]
+    along, one = ([3.003, 0.26, 0, 0, 0, 2.0], [2.0, 3.0]), [1.001, 0.13, 0, 0, 0, 1.0]
     still = [0.003, 0.0, 0, 0, 0, 0], [0.0, 0.0]
     for force, refuted in ((17.32, True), (17.31, False)):
         found = balance(contacts, motors, [force, 0, 0, 0, 0, 0], along).examined(boxes, np.array([0]))
         assert found.refuted.tolist() == [refuted]
         assert found.reach.shape == (1, len(contacts.root))
+    assert np.isfinite(found.reach).all()
+    assert found.reach.max() > 0
+    for joints, twist, most in (([0.0, 3.0], [3.003, 0, 0, 0, 0, 0], 42 / 3.003), ([1.0, 1.0], one, 19 / 1.001)):
+        for force, refuted in ((1.001 * most, True), (0.999 * most, False)):
+            found = balance(contacts, motors, [force, 0, 0, 0, 0, 0], (twist, joints)).examined(boxes, np.array([0]))
+            assert found.refuted.tolist() == [refuted]
     # without motions of joints the load would have to be held by the finger alone, which pushes against it
     both = Boxes.of(contacts, np.repeat(boxes.box, 3, axis=0), np.zeros(3, dtype=np.int64))
     found = balance(contacts, motors, [17.32, 0, 0, 0, 0, 0], along, still).examined(both, np.array([0, 1, 0]))
     assert found.refuted.tolist() == [True, True, True]
     found = balance(contacts, motors, [-17.32, 0, 0, 0, 0, 0], along, still).examined(both, np.array([0, 1, 0]))
     assert found.refuted.tolist() == [False, False, False]
+    assert np.isfinite(found.reach).all()
+    assert found.reach[1].max() > 0
     reason = balance(contacts, motors, [17.32, 0, 0, 0, 0, 0], along, still)
     assert len(reason) == 2
     assert reason.chosen([1]).motions.moved.tolist() == [False]
@@ -301,6 +408,9 @@ def test_halves_of_what_is_kept() -> None:
     assert lower.box.tolist() == [[0.0, 0.5], [0.0, 1.0], [3.0, 3.0]]
     assert (upper.index, upper.share) == (11, 0.125)
     assert upper.box[0].tolist() == [0.5, 1.0]
+    upper, lower = one.halves(np.array([[0.0, 1.0], [0.25, 0.5], [3.0, 3.0]]), 1, (8, 11))
+    assert (lower.share, upper.share) == (0.03125, 0.03125)
+    assert (lower.box[1].tolist(), upper.box[1].tolist()) == ([0.25, 0.375], [0.375, 0.5])
 
 
 def test_what_is_not_touched_is_counted_once() -> None:
@@ -312,9 +422,93 @@ def test_what_is_not_touched_is_counted_once() -> None:
     assert done.claim == "wherever left_finger would touch as asked, they cannot touch so (100 %) of 4 boxes"
     near = replayed(tree=[-1] * 4)
     assert near.reason == "box 0 of the tree is not discarded as it says"
-    assert replayed(claim(), tree=[-2, None, None, -2]).reason == "2 boxes are open"
+    still_open = replayed(claim(), tree=[-2, None, None, -2])
+    assert (still_open.reason, still_open.figures) == ("2 boxes are open", {"boxes": 4})
     halved = replayed(claim(), tree=[0, -2, -2, 1, -2, -2, -2, 0, 1, -2, -2, -2])
     assert halved.figures == {"boxes": 12, "contacts": 0, "balance": 0, "slips": 0, "collision": 8}
+
+
+def test_open_boxes_have_their_shares_of_the_whole() -> None:
+    """A quarter for each chart, half of that for each half; a far object leaves nothing but what is open already."""
+    contacts = ContactBoxes.of(gripper().part([0]))
+    n = len(contacts.root)
+    left, done = BoxTree((None, 0, None, None, None, None)).checked(contacts, ())
+    assert sorted((at.index, at.chart) for at in left) == [(0, 0), (2, 1), (3, 1), (4, 2), (5, 3)]
+    shares = {at.index: at.share for at in left}
+    assert [shares[k] for k in (0, 4, 5)] == [0.25] * 3
+    assert 0 < shares[2] == shares[3] <= 0.125
+    assert (len(left[0].box), sum(done.values())) == (n, 0)
+    lower, upper = ({at.index: at.box for at in left}[k] for k in (2, 3))
+    assert np.flatnonzero((lower != upper).any(axis=1)).tolist() == [0]
+    assert lower[0, 1] == upper[0, 0]
+
+
+def test_all_of_many_boxes_are_looked_at_once() -> None:
+    """32 halves of each chart, more than are looked at together."""
+
+    def halved(times: int, leaf: int | None) -> list[int | None]:
+        return [times % 3, *halved(times - 1, leaf), *halved(times - 1, leaf)] if times else [leaf]
+
+    contacts = ContactBoxes.of(gripper().part([0]))
+    entries = halved(5, None) * 4
+    left, done = BoxTree(tuple(entries)).checked(contacts, ())
+    assert sorted(at.index for at in left) == [k for k, x in enumerate(entries) if x is None]
+    assert not done
+
+
+class Numbered:
+    """A reason with some claims, of which one discards what it is said of."""
+
+    name = "numbered"
+
+    def __init__(self, count: int, right: int) -> None:
+        self.count, self.right = count, right
+        self.said: list[Any] = []
+        self.motions: Any = None
+
+    def __len__(self) -> int:
+        return self.count
+
+    def examined(self, boxes: Any, claims: Any) -> Any:
+        self.said.append((boxes, claims.tolist()))
+        return SimpleNamespace(refuted=claims == self.right)
+
+
+def test_claims_are_numbered_through_all_reasons() -> None:
+    """2, none and 3 of them, of which 1 and 2 + 2 discard."""
+    reasons = [Numbered(2, 1), Numbered(0, 0), Numbered(3, 2)]
+    boxes: Any = SimpleNamespace(some=lambda its: its.tolist())
+    assert discarded(boxes, np.array([4, 0, 1, 2, 4, 3]), reasons).tolist() == [True, False, True, False, True, False]  # type: ignore[arg-type]
+    assert [reason.said for reason in reasons] == [[([1, 2], [0, 1])], [], [([0, 3, 4, 5], [2, 0, 2, 1])]]
+
+
+def test_a_box_without_contacts_needs_no_other_reason() -> None:
+    """It is above the palm, where no finger is, so that it may say what it likes."""
+    far = gripper(position=[[None, None], [None, None], [1.0, 1.1]])
+    assert replayed(claim(), depth=9.0, task=far).ok
+    assert not replayed(claim(), depth=9.0).ok
+
+
+@pytest.mark.parametrize(("entry", "stands"), [(2, True), (3, False), (0, True), (-1, True), (-3, True), (-4, False)])
+def test_an_entry_is_a_coordinate_or_a_claim(entry: int, stands: bool) -> None:
+    """Of three coordinates and two claims."""
+    f = Fields({"tree": [None, None, None, entry]}, "none")
+    if stands:
+        assert BoxTree.read(f, 3, 2).entries == (None, None, None, entry)
+    else:
+        with pytest.raises(
+            BadFile, match=r"^none\.tree\[3\]: is -?\d; a coordinate below 3, a claim or null is needed"
+        ):
+            BoxTree.read(f, 3, 2)
+
+
+def test_counts_of_a_reason_add_up() -> None:
+    balance = Numbered(4, 0)
+    balance.motions = SimpleNamespace(moved=np.array([0, 1, 0, 1], dtype=bool))
+    which = np.array([[1, 0, 0, 0], [1, 1, 0, 2], [1, 0, 2, 0]])
+    proof: Any = SimpleNamespace(balance=balance, collision=SimpleNamespace(which=which))
+    counts = DiscardCounts.of(proof, {-2: 1, -3: 2, -4: 3, -5: 4, -6: 5, -7: 6, -8: 7})
+    assert counts == DiscardCounts(0, 4, 6, Counter({(1, 0): 11, (1, 2): 7}))
 
 
 def test_shares_of_each_reason() -> None:
@@ -344,7 +538,7 @@ def test_shares_of_each_reason() -> None:
         ({"collisions": [claim(link=None)]}, r"^none\.collisions\[0\]: may overlap, or stands where"),
         ({"collisions": [claim(body="right_finger")]}, r"^none\.collisions\[0\]: may overlap, or stands where"),
         ({"collisions": [claim(link="palm", body="palm")]}, r"^none\.collisions\[0\]: may overlap"),
-        ({"collisions": [claim(link="thumb")]}, r"^none\.collisions\[0\]\.link: .*thumb"),
+        ({"collisions": [claim(link="thumb")]}, r"^none\.collisions\[0\]\.link: has unknown link 'thumb'"),
         ({"collisions": [claim(solid=1)]}, r"^none\.collisions\[0\]: has no such solid"),
         ({"collisions": [claim(other=2)]}, r"^none\.collisions\[0\]: has no such solid"),
         ({"collisions": [claim(more=1)]}, "more"),
@@ -372,6 +566,20 @@ def test_shares_of_each_reason() -> None:
 def test_what_no_proof_says(more: dict[str, Any], why: str) -> None:
     with pytest.raises(BadFile, match=why):
         replayed(**more)
+
+
+def test_what_is_claimed_where_it_is_not_shown() -> None:
+    for done in (replayed(tree=[-1] * 4), replayed(claim(), tree=[-2, None, None, -2])):
+        assert (done.name, done.claim, done.ok) == ("no grasp", "every configuration is discarded", False)
+    assert replayed(claim()).name == "no grasp"
+
+
+def test_faces_are_of_solids_that_a_link_has() -> None:
+    shapes = SolidsData.read(solids(), LINKS)
+    some = replace(shapes, of_link={k: x for k, x in shapes.of_link.items() if k})
+    said = Fields({"faces": [{"body": "palm", "solid": 0, "faces": FACES}]}, "none")
+    with pytest.raises(BadFile, match=r"^none\.faces\[0\]: has no such solid$"):
+        _faced(said, some, LINKS)
 
 
 def test_joints_that_may_move_in_a_file() -> None:

@@ -15,8 +15,8 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.shape import Kind, Shape
 from handfast.planning.filters.balance import imbalance
-from handfast.proofs.few_contacts import Fewest, Held, replay, to_json, words
-from handfast.proofs.fields import BadFile
+from handfast.proofs.few_contacts import Fewest, Held, _meets, replay, replay_of_loads, to_json, words
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.solids import EIGHTHS, ConvexSolid, SurfaceParts, angle, hidden
 from handfast.stability.problem.loads import Loads
 from tests.support.held_bodies import BALL, CENTER, held, stone
@@ -181,6 +181,9 @@ def test_what_is_no_closed_convex_mesh_shows_nothing() -> None:
     (solid,) = one.solids
     assert one.fewest().contacts == 3
     assert replace(one, solids=(replace(solid, faces=solid.faces[1:]),)).fewest().contacts == 2
+    broken = replace(solid, faces=solid.faces[1:])
+    for solids in ((solid, broken), (broken, solid)):
+        assert not replace(one, solids=solids)._no_line()
     other = solid_of(stone(3, 20))
     dented = other.vertices.copy()
     dented[0] = 0.1 * dented[0] + 0.9 * dented.mean(axis=0)
@@ -346,6 +349,8 @@ def test_claims_are_replayed_and_larger_ones_are_refused() -> None:
         done = replay(said(one, contacts=more))
         assert not done.ok
         assert "shown is only that 1 to 3 contacts" in done.reason
+        few = "no number of contacts" if more is None else "1 to 4 contacts"
+        assert done.claim.endswith(f": {few} on its surface {'can' if more is None else 'cannot'} hold")
     assert not replay(said(one, friction=0.5)).ok
     turned = held(Shape("cylinder", [0.03, 0.1]), 0.0, loads=Loads.wrench([0, 0, 0, 0, 0, 1.0]))
     assert "no number of contacts" in replay(said(turned)).claim
@@ -403,6 +408,8 @@ def test_the_largest_torque_counts_of_several() -> None:
         ({"solids": [{"kind": "sphere", "size": [1.0], "pose": (1.001 * np.eye(4)).tolist()}]}, "not rigid"),
         ({"solids": [{"kind": "mesh", "vertices": [[0, 0, 0]], "faces": [[0, 0, 1]]}]}, "not there"),
         ({"more": 1}, "known field"),
+        ({"force_limit": -1.0}, "^force_limit: is -1; 0 or more is needed$"),
+        ({"schema": "handfast/contacts/2"}, "^schema: is 'handfast/contacts/2'; 'handfast/contacts/1' is needed"),
         ({"solids": []}, "^solids: is empty"),
         ({"loads": {}}, "^loads: is empty"),
     ],
@@ -410,3 +417,308 @@ def test_the_largest_torque_counts_of_several() -> None:
 def test_faults_of_a_file_are_named(changed: dict[str, Any], fault: str) -> None:
     with pytest.raises(BadFile, match=fault):
         replay(said(held(BALL, 0.0, np.zeros(3)), **changed))
+
+
+# --- what a file of loads alone claims ------------------------------------------------------------------
+
+
+def of_loads(fewest: Any, loads: dict[str, list[float]], friction: float = 0.0, **how: Any) -> Any:
+    named = {name: np.array(w) for name, w in loads.items()}
+    f = Fields({"fewest_contacts": fewest} | how.pop("more", {}), "balance")
+    return replay_of_loads(how.pop("contacts", 2), 0.1, named, friction, f, **how)
+
+
+def test_that_loads_alone_take_more_contacts_than_there_are() -> None:
+    """Of both signs in two directions they take three without friction, two with any."""
+    flat = {
+        "a": [1.0, 0, 0, 0, 0, 0],
+        "b": [-1.0, 0, 0, 0, 0, 0],
+        "c": [0, 2.0, 0, 0, 0, 0],
+        "d": [0, -2.0, 0, 0, 0, 0],
+    }
+    done = of_loads(3, flat)
+    assert (done.name, done.ok, done.figures) == ("balance", True, {"contacts": 3})
+    assert done.claim == (
+        "2 contacts cannot hold a, b, c, d with a friction of 0: "
+        "loads of both signs need more contacts than the directions that these span"
+    )
+    assert of_loads(2, flat, contacts=1).ok
+    for few, contacts, friction in ((4, 2, 0.0), (3, 3, 0.0), (2, 2, 0.0), (3, 2, 0.5)):
+        refused = of_loads(few, flat, friction, contacts=contacts)
+        assert not refused.ok
+        assert refused.reason == f"shown is only that it takes {2 if friction else 3}"
+    assert of_loads(2, flat, 0.5, contacts=1).ok
+    assert not of_loads(3, flat, torsion=0.01).ok
+    one = of_loads(2, {"a": [1.0, 0, 0, 0, 0, 0]}, contacts=1)
+    assert (one.claim, one.ok) == ("1 contacts cannot hold a with a friction of 0", False)
+    assert one.reason == "shown is only that it takes 1"
+    for more, line in (({"fewest_contacts": 0}, "^balance.fewest_contacts: is 0"), ({"x": 1}, "^balance.x: is not a")):
+        with pytest.raises(BadFile, match=line):
+            of_loads(1, flat, more=more)
+
+
+def test_torques_count_by_the_farthest_place_of_a_contact() -> None:
+    """Within 0.1 m one of 1e-4 N m takes a thousandth of 1 N; here each is there twice, and sqrt 2 as much as one."""
+    for size, few in ((0.72e-4, 3), (0.69e-4, 2)):
+        both = {"a": [1.0, 0, 0, 0, 0, 0], "b": [-1.0, 0, 0, 0, 0, 0]}
+        turns = {"c": [1.0, 0, 0, 0, 0, size], "d": [-1.0, 0, 0, 0, 0, -size]}
+        turned = {"e": [1.0, 0, 0, 0, size, 0], "f": [-1.0, 0, 0, 0, -size, 0]}
+        assert of_loads(few, both | turns | turned, contacts=1).ok
+        assert not of_loads(few + 1, both | turns | turned, contacts=1).ok
+
+
+def test_a_torque_beside_a_thousand_times_a_larger_one_is_no_direction() -> None:
+    for size, few in ((1.5e-3, 3), (0.5e-3, 2)):
+        turns = {
+            name: [0, 0, 0, x, 0, z] for name, x, z in (("a", 0, 1), ("b", 0, -1), ("c", size, 0), ("d", -size, 0))
+        }
+        assert of_loads(few, turns, contacts=1).ok
+        assert not of_loads(few + 1, turns, contacts=1).ok
+
+
+def test_forces_and_torques_are_directions_of_their_own() -> None:
+    """A force along z and a torque about x take two contacts each, not three together."""
+    both: dict[str, list[float]] = {
+        "a": [0, 0, 1, 0, 0, 0],
+        "b": [0, 0, -1, 0, 0, 0],
+        "c": [0, 0, 0, 0.1, 0, 0],
+        "d": [0, 0, 0, -0.1, 0, 0],
+    }
+    assert of_loads(2, both, contacts=1).ok
+    assert not of_loads(3, both).ok
+
+
+def test_why_is_said_with_what_is_shown() -> None:
+    one = loaded([[0, 0, 1, 0, 0, 0]], 0.5, force_limit=0.4, torsion=0.01)
+    data = to_json(one, ["w"], "thing", one.fewest())
+    assert (data["contacts"], data["reason"], data["torsion"], data["force_limit"]) == (3, "force", 0.01, 0.4)
+    why = "the normal forces that are allowed do not add up to the loads"
+    assert replay(data).claim.endswith(f"1 or 2 contacts on its surface cannot hold: {why}")
+    plain = to_json(loaded([[0, 0, 1, 0, 0, 0]]), ["w"], "thing", Fewest(1))
+    assert "torsion" not in plain
+    assert [set(solid) for solid in plain["solids"]] == [{"kind", "size", "pose"}]
+    claim = "with a friction of 0, of w: 1 contact on its surface cannot hold"
+    assert replay(plain | {"contacts": 2}).claim == claim
+    nothing = "any number of contacts on its surface may hold"
+    assert replay(plain | {"contacts": 2}).reason == f"shown is only that {nothing}"
+    assert replay(plain | {"contacts": 1}).claim == f"with a friction of 0, of w: {nothing}"
+    with pytest.raises(BadFile, match=r"^filter\.reason: is missing$"):
+        replay({key: x for key, x in plain.items() if key != "reason"}, "filter")
+    assert plain["force_limit"] is None
+
+
+# --- what turns without friction --------------------------------------------------------------------------
+
+
+def pieces(*said: tuple[str, list[float]]) -> tuple[ConvexSolid, ...]:
+    return tuple(ConvexSolid.read(Fields({"kind": kind, "size": size}, "")) for kind, size in said)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "turns"),
+    [
+        ("ellipsoid", [0.03, 0.03, 0.03], True),
+        ("ellipsoid", [0.03, 0.03, 0.04], False),
+        ("sphere", [0.03], True),
+        ("capsule", [0.03, 0.03], False),
+        ("cylinder", [0.03, 0.03], False),
+    ],
+)
+def test_a_ball_turns_about_any_axis(kind: str, size: list[float], turns: bool) -> None:
+    across = Held(pieces((kind, size)), np.zeros(3), np.array([[0, 0, 0, 0, 0.1, 0]]), 0.0)
+    assert across._turning() == (Fewest(None, "turning") if turns else Fewest(1))
+
+
+def test_a_ball_turns_about_its_own_middle_with_any_of_the_loads() -> None:
+    place = np.eye(4)
+    place[0, 3] = 0.1
+    ball = ConvexSolid.read(Fields({"kind": "sphere", "size": [0.03], "pose": place.tolist()}, ""))
+    up, turn = [0, 0, 1, 0, -0.1, 0], [0, 0, 0, 0, 0, 0.1]  # up through its middle
+    for loads, turns in (([turn], True), ([[0] * 6, turn], True), ([up, turn], True), ([up], False)):
+        found = Held((ball,), np.zeros(3), np.array(loads, dtype=float), 0.0)._turning()
+        assert found == (Fewest(None, "turning") if turns else Fewest(1))
+
+
+@pytest.mark.parametrize(
+    ("loads", "least"),
+    [
+        ([[1, 0, 0, 0, 0, 1]], 0.13),
+        ([[1, 0, 0, 0, 0, 1], [100, 0, 0, 0, 0, 0]], 0.13),
+        ([[1, 0, 0, 5, 0, 1]], 5.13),
+        ([[1, 0, 0, 0, 0, 1], [0, 0, 0, 100, 0, 0]], 0.13),
+    ],
+)
+def test_a_torque_about_the_axis_is_one_beside_its_load(loads: list[list[float]], least: float) -> None:
+    """A millionth of its size, 1 N being 0.13 N m at the end of the can, which is farther than that of the ball."""
+    solids = pieces(("cylinder", [0.03, 0.1]), ("sphere", [0.02]))
+    for share, turns in ((1.02, True), (0.98, False)):
+        some = np.array(loads, dtype=float)
+        some[0, 5] = share * 1e-6 * least
+        found = Held(solids, np.zeros(3), some, 0.0)._turning()
+        assert found == (Fewest(None, "turning") if turns else Fewest(1))
+
+
+@pytest.mark.parametrize("size", [1e-10, 1.0, 1e10])
+def test_loads_have_the_other_sign_if_they_have_the_other_direction(size: float) -> None:
+    loads = size * np.array(
+        [[1.0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [-3, 0, 0, 0, 0, 0], [0, -1, 1e-6, 0, 0, 0], [0] * 6]
+    )
+    assert loaded(loads)._both().tolist() == [True, False, True, False, False]
+    assert loaded(loads).opposed() == Fewest(2, "opposed")
+
+
+@pytest.mark.parametrize(("up", "weighed"), [(0.11, True), (0.09, False), (0.0, False)])
+def test_weights_are_from_every_side_that_are_not_nearly_in_a_plane(up: float, weighed: bool) -> None:
+    """Along x, y and (sqrt(1 - up^2), 0, up): the least singular value of all six is up."""
+    ways = np.array([[1.0, 0, 0], [0, 1, 0], [np.sqrt(1 - up**2), 0, up]])
+    for sizes in (1.0, np.array([[1.0], [50.0], [0.01]])):
+        every = np.vstack([sizes * ways, -sizes * ways])
+        assert loaded(np.hstack([every, 0 * every]))._weighed() == weighed
+
+
+@pytest.mark.parametrize(("off", "weighed"), [(0.0, True), (0.4e-9, True), (0.6e-9, False), (1.1e-9, False)])
+def test_weights_act_at_the_centre_of_mass(off: float, weighed: bool) -> None:
+    """But for a part in 1e9 of what they are at 0.5 m, each of its own."""
+    every = np.vstack([np.eye(3), -np.eye(3)])
+    assert loaded(np.hstack([every, off * np.roll(every, 1, axis=1)]))._weighed() == weighed
+
+
+# --- limits of forces -----------------------------------------------------------------------------------
+
+
+def loaded(loads: Any, friction: float = 0.0, **how: Any) -> Held:
+    ball = ConvexSolid.read(Fields({"kind": "sphere", "size": [0.5]}, ""))
+    return Held((ball,), np.zeros(3), np.array(loads, dtype=float), friction, **how)
+
+
+@pytest.mark.parametrize(
+    ("limit", "few"), [(2.0, 1), (1.001, 1), (1.0, 1), (0.999, 2), (0.5, 2), (0.499, 3), (0.0, 10**9)]
+)
+def test_forces_up_to_a_limit_add_up_to_a_load(limit: float, few: int) -> None:
+    """1 N; just as much as contacts may give is let pass."""
+    found = loaded([[0, 0, 1, 0, 0, 0]], force_limit=limit).fewest()
+    assert found == (Fewest(few, "force") if few > 1 else Fewest(1))
+    assert loaded([[0, 0, 1, 0, 0, 0]], force_limit=limit)._force() == found
+
+
+def test_the_largest_force_counts_of_several() -> None:
+    """2 N along one way take three contacts of 0.9 N; 3 N in all, of which one contact gives twice 0.9, take two."""
+    assert loaded([[0, 0, 1, 0, 0, 0], [0, 0, 2, 0, 0, 0]], force_limit=0.9)._force() == Fewest(3, "force")
+
+
+@pytest.mark.parametrize(("friction", "torsion", "arm"), [(0.0, 0.0, 0.5), (0.75, 0.0, 0.625), (0.75, 0.25, 0.875)])
+def test_a_torque_is_a_force_at_the_farthest_point_or_torsion(friction: float, torsion: float, arm: float) -> None:
+    """3.5 N m: that over the arm of a contact of 1 N, and never more than that."""
+    at = loaded([[0, 0, 0, 0, 0, 3.5], [0, 0, 0, -3.5, 0, 0]], friction, force_limit=1.0, torsion=torsion)
+    most = 3.5 / arm
+    assert at._force() == Fewest(int(np.ceil(most)) if most % 1 > 1e-9 else round(most), "force")
+
+
+CORNER = np.ones(3) / np.sqrt(3)
+
+
+@pytest.mark.parametrize("along", [*np.eye(3), *-np.eye(3), [0, -0.8, 0.6], CORNER])
+@pytest.mark.parametrize(("friction", "size"), [(0.0, 0.3), (0.75, 3.0)])
+def test_what_a_contact_gives_to_one_load_is_no_less_than_it_can(along: Any, friction: float, size: float) -> None:
+    """sqrt(1 + mu^2) of a newton of its normal force, but for the steps between the directions that are tried."""
+    loads = np.array([[*size * np.array(along), 0, 0, 0], [0.0] * 6])
+    force = loads[:, :3]
+    gives = size / loaded(loads, friction)._in_all_directions(force, np.linalg.norm(force, axis=1))
+    between = 1.01 * np.sqrt(2) / 199 * np.hypot(1, friction)
+    assert np.hypot(1, friction) <= gives <= np.hypot(1, friction) + between + 1e-12
+    assert loaded(loads, friction)._in_all_directions(0 * force, np.zeros(2)) == 0
+
+
+def test_directions_are_tried_in_steps_over_the_faces_of_a_cube() -> None:
+    """200 by 200: the corners, and 1 / 199 to either side of the axes; between them 1.01 of half a cell."""
+    between = 1.01 * np.sqrt(2) / 199
+    for along, nearest in ((CORNER, 1.0), (UP, 1 / np.sqrt(1 + 2 / 199**2)), (-UP, 1 / np.sqrt(1 + 2 / 199**2))):
+        gives = 1 / loaded([[0.0] * 6])._in_all_directions(along[None], np.ones(1))
+        assert gives == pytest.approx(nearest + between, rel=1e-12)
+    gives = 1 / loaded([[0.0] * 6], 0.75)._in_all_directions(UP[None], np.ones(1))
+    assert gives == pytest.approx(1.25 * (1 + between), rel=3e-5)
+
+
+def test_what_a_contact_gives_to_loads_of_both_signs_is_to_one_of_them() -> None:
+    """1 N along x and 4 N the other way: 5 N over the 1 N of one contact; a push along y gives each its friction."""
+    both = np.array([[1.0, 0, 0], [-4.0, 0, 0]])
+    for friction, due in ((0.0, 5.0), (2.0, 5 / 4)):
+        found = loaded([[0.0] * 6], friction)._in_all_directions(both, np.array([1.0, 4.0]))
+        assert due * 0.97 < found <= due
+
+
+# --- lines through the centre of mass -------------------------------------------------------------------
+
+
+def part(points: Any, normal: Any = UP, solid: float = 0.0) -> SurfaceParts:
+    at, along = (np.broadcast_to(np.asarray(a, dtype=float), (1, 3, 3)) for a in (points, normal))
+    return SurfaceParts.of(at, along, slack=solid)
+
+
+MARGIN = 1e-6
+
+
+@pytest.mark.parametrize("friction", [0.25, 2.0])
+def test_a_force_pushes_back_to_the_centre_or_away_from_it(friction: float) -> None:
+    """From 1 m above the centre, within 0.5 m: an angle of pi / 6 about the way there, and the cone of friction."""
+    one = replace(loaded([[0.0] * 6], friction), center=np.array([0.1, 0, 0]))
+    above, below = part([0.1, 0, 1], UP, 0.5), part([0.1, 0, -2], UP, 0.5)
+    for some, way, angles in ((above, UP, [np.pi, 0]), (below, -UP, [0, np.pi])):
+        (found,), (within,), (push,), (pushed,), (miss,) = one._seen(some)
+        assert found == pytest.approx(way)
+        assert within == pytest.approx(np.arcsin(0.5 if some is above else 0.25) + MARGIN, abs=1e-10)
+        assert pushed == pytest.approx(np.arctan(friction) + 1e-7 + MARGIN, abs=1e-10)
+        assert push == pytest.approx(-UP)
+        assert miss == pytest.approx(np.array(angles) - within - pushed)
+        assert one._against(some).tolist() == [True]
+        axis, half, owner = one._lines(some)
+        assert axis == pytest.approx(-UP[None])
+        assert (half.tolist(), owner.tolist()) == ([min(within, pushed)], [0])
+    (_,), (within,), _, _, _ = one._seen(part([0.1, 0, 0.4], UP, 0.5))  # it may be at the centre
+    assert within == pytest.approx(np.pi + MARGIN)
+    _, _, owner = one._lines(SurfaceParts.joined([part([5, 0, 0.1], UP, 0.01), above, below]))
+    assert owner.tolist() == [2, 1] if friction < 1 else [1, 2]
+
+
+def test_a_force_across_the_way_to_the_centre_is_on_no_line_with_it() -> None:
+    """1 m aside, within 0.5 m: friction has to turn it by pi / 3."""
+    for friction, can in ((np.tan(np.pi / 3) - 1e-5, False), (np.tan(np.pi / 3), True)):
+        one = loaded([[0.0] * 6], friction)
+        for x in (-1, 1):
+            side = part([x, 0, 0], UP, 0.5)
+            assert one._against(side).tolist() == [can]
+            axis, half, owner = one._lines(side)
+            assert len(axis) == len(half) == len(owner) == 2 * can
+    assert angle(axis, np.array([UP * 0 + [1, 0, 0], [-1, 0, 0]])).tolist() == [0, 0]
+
+
+def test_the_narrower_of_two_cones_is_where_forces_point() -> None:
+    """0.25 m around a place 1 m above, seen aslant; with little friction forces stay by the normal, else by the way."""
+    lean = np.array([np.sin(0.3), 0, np.cos(0.3)])
+    for friction, by_way in ((0.1, False), (2.0, True)):
+        axis, half, _ = loaded([[0.0] * 6], friction)._lines(part([0, 0, 1], lean, 0.25))
+        assert axis[0] == pytest.approx(-UP if by_way else -lean)
+        due = np.arcsin(0.25) if by_way else np.arctan(0.1) + 1e-7
+        assert half[0] == pytest.approx(due + MARGIN, abs=1e-10)
+
+
+def test_cones_meet_that_are_opposite_but_for_their_angles() -> None:
+    """Along z, against it but for 0.3, and along x."""
+    aslant = np.array([np.sin(0.3), 0, -np.cos(0.3)])
+    axis, owner = np.array([UP, aslant, [1.0, 0, 0], UP]), np.array([3, 0, 1, 2])
+    for halves, meets in (
+        ([0.16, 0.15, 0.1, 0.1], [True, False, False, True]),
+        ([0.14, 0.15, 0.1, 0.1], [False] * 4),
+        ([0.1, 0.15, 0.1, 0.16], [True, False, True, False]),
+        ([0.1, 0.1, np.pi / 2, 0.1], [True] * 4),
+    ):
+        assert _meets(axis, np.array(halves), owner).tolist() == meets
+    assert _meets(axis[2:3], np.array([1.5]), np.array([1])).tolist() == [False, False]
+
+
+def test_of_many_cones_each_is_compared_with_all() -> None:
+    axis = np.tile(UP, (600, 1))
+    axis[300] *= -1
+    assert _meets(axis, np.full(600, 0.1), np.arange(600)).all()
+    axis[300] = 1, 0, 0
+    assert not _meets(axis, np.full(600, 0.1), np.arange(600)).any()

@@ -26,6 +26,7 @@ from handfast.proofs.path_commands import (
     read_sought,
 )
 from handfast.proofs.question import read_question
+from handfast.proofs.tolerance import MIN_FORCE_SCALE
 from tests.support.refused import refused
 from tests.support.small_grasp import small_grasp
 
@@ -182,6 +183,7 @@ def test_what_comes_after_a_backdrivable_motor_has_its_rows() -> None:
     own = [({int(c): float(v.p) / float(v.q) for c, v in row.terms.items()}, row.equal) for row in of.rows]
     assert own.count(({effort: 1.0}, False)) == own.count(({effort: -1.0}, False)) == 1
     assert ({roll: 0.5}, True) in own
+    assert [row.right for row in of.rows if row.terms == {roll: fmpq(1, 2)}] == [0]
     assert ({tendon: 1.0}, False) in own
     assert (of.cost(np.ones(3)), len(of.units), of.units[-1]) == (0, of.n, 0)  # of no command at all
 
@@ -326,12 +328,11 @@ def test_a_bound_is_read_as_it_was_written() -> None:
     again = read_bound(Fields(bound.to_json(), "bound"))
     assert (again.parent, again.part, again.case) == (bound.parent, bound.part, bound.case)
     assert [(leaf.rows, leaf.tangents) for leaf in again.leaves] == [(leaf.rows, leaf.tangents) for leaf in leaves]
-    assert len(read_bound(Fields({"leaves": []} | dict.fromkeys(TREE, [0] * 2 * MAX_PATH_LEAVES))).part) == 200_000
+    assert read_bound(Fields({"leaves": []} | {name: [-1] for name in TREE})).parent == (-1,)
     for change, problem, field in (
         ({"part": [0, 7]}, "has no tree", "bound"),
         ({"case": [0, 1]}, "has no tree", "bound"),
         ({name: [] for name in TREE}, "has no tree", "bound"),
-        (dict.fromkeys(TREE, [0] * (2 * MAX_PATH_LEAVES + 1)), "has no tree", "bound"),
         ({"leaves": [{"rows": [[0.5, 1]], "tangents": []}]}, "has a number that is not whole", "bound.leaves[0].rows"),
         ({"part": [0, 7, 7.5]}, "has a number that is not whole", "bound.part"),
         ({"more": 1}, "is not a known field; leave it out", "bound.more"),
@@ -344,6 +345,58 @@ def test_a_bound_is_read_as_it_was_written() -> None:
             read_bound(Fields(bound.to_json() | change, "bound"))
         assert fault.value.field == field
         assert problem is None or fault.value.problem == problem
+
+
+def test_a_tree_has_so_many_cases_at_most() -> None:
+    assert len(read_bound(Fields({"leaves": []} | dict.fromkeys(TREE, [0] * 2 * MAX_PATH_LEAVES))).part) == 200_000
+    with refused("has no tree", "bound"):
+        read_bound(Fields({"leaves": []} | dict.fromkeys(TREE, [0] * (2 * MAX_PATH_LEAVES + 1)), "bound"))
+
+
+def test_a_bound_is_the_least_of_those_of_its_leaves() -> None:
+    """push was locked: nothing; it moved: its command is its effort in state 2, and no less than in the last state."""
+    of = small(False)
+    command = {k: row for k, row in enumerate(of.rows) if row.condition == (7, MOVED)}
+    last = len(of.rows) - 1
+    zero = PathLeaf(((last, 1.0), (min(command), 1.0)), ())
+    tree = PathBound((-1, 0, 0), (0, 7, 7), (0, MOVED, LOCKED), (zero, NOTHING))
+    assert tree.lower(of) == 0  # its row holds where push moved
+    with refused(f"row {min(command)} does not hold in its case", "bound.leaves[1]"):
+        replace(tree, leaves=(NOTHING, zero)).lower(of)
+
+
+def test_of_two_leaves_the_weaker_one_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    of = small(False)
+    bounds = {1: 0.5, 0: 3.0}
+    monkeypatch.setattr("handfast.proofs.path_commands.leaf_bound", lambda _of, _rows, case, *_: bounds[case[7]])
+    for cases in ((0, 1), (1, 0)):
+        assert PathBound((-1, 0, 0), (0, 7, 7), (0, *cases), (NOTHING, NOTHING)).lower(of) == 0.5
+
+
+def test_a_small_bound_is_one() -> None:
+    of = small(False)
+    found = of.shown([PathRow({of.measure: fmpq(1)}, fmpq(1, 2), False)], [1.0])
+    assert found == pytest.approx(0.5, rel=1e-12)
+
+
+def test_a_load_is_known_that_has_one_part() -> None:
+    """Along one axis; one that is no larger than what counts as a force is not."""
+    of = small(False)
+    size = MIN_FORCE_SCALE
+    for wrench, known in (([0, 0, 1.0, 0, 0, 0], True), ([0, 0, size, 0, 0, 0], False), ([0] * 6, False)):
+        g = replace(of.question.grasp, R=np.zeros_like(of.question.grasp.R))
+        other = replace(of, question=replace(of.question, grasp=g, wrench=np.array(wrench, dtype=float)))
+        assert other.known == known
+
+
+@pytest.mark.parametrize("command", [1.0, -1.0, 2.0])
+def test_a_command_may_not_be_left_out(command: float) -> None:
+    q = small(False).question
+    other = replace(q, grasp=q.grasp.with_command(np.array([0.0, command, 0.5])))
+    with refused("leaves out 'push', which is commanded; what is not sought is locked", "sought.senses"):
+        read_sought(Fields({"senses": {"pull": 1}, "objective": "max"}, "sought"), other)
+    none = replace(q, grasp=q.grasp.with_command(np.array([0.0, 0.0, 0.5])))
+    assert read_sought(Fields({"senses": {"pull": 1}, "objective": "max"}, "sought"), none).senses.tolist() == [1, 0, 0]
 
 
 SENSE = "is no sense of a command that can be sought; 1 or -1 is"
@@ -359,7 +412,7 @@ SENSE = "is no sense of a command that can be sought; 1 or -1 is"
         ({"pull": 1}, {}, "leaves out 'push', which is commanded; what is not sought is locked", "sought.senses"),
         ({"pull": 1, "push": 1}, {"objective": "least"}, None, "sought.objective"),
         ({"pull": 1, "push": 1}, {"more": 1}, "is not a known field; leave it out", "sought.more"),
-        ({"pull": 1, "push": 1, "pu": 1}, {}, None, "sought.senses"),
+        ({"pull": 1, "push": 1, "pu": 1}, {}, "has unknown actuator 'pu'; known are pull, push, back", "sought.senses"),
     ],
 )
 def test_what_may_not_be_sought(senses, more, problem: str | None, field: str) -> None:
@@ -375,3 +428,4 @@ def test_what_is_sought_is_read_as_it_was_written(sums: bool) -> None:
     of = small(sums)
     again = read_sought(Fields(of.to_json(), "sought"), of.question)
     assert (again.senses.tolist(), again.sums) == ([1, -1, 0], sums)
+    assert again.question is of.question

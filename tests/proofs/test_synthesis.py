@@ -8,16 +8,30 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from handfast.proofs.fields import BadFile
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.pose_by_pose import impossible_at_every_pose
 from handfast.proofs.replay import Refused, Replay
-from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE, replay
+from handfast.proofs.synthesis import (
+    NAMES_CLAIM,
+    SYNTHESIS_COURSE,
+    _contradiction,
+    _features,
+    _following,
+    _none,
+    _Searched,
+    replay,
+)
+from handfast.proofs.tasks import read_task
+from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.task_file import load_task
 from tests.support.holds import LARGE, grip, pinch, turned
@@ -276,7 +290,9 @@ def test_a_task_in_which_nothing_can_be_proved_is_refused_as_a_whole() -> None:
     def crooked(data: Data) -> None:
         data["task"]["hand"]["links"][9]["pose"][0][0] += 1e-3
 
-    assert "does not stand at a rotation" in reason(changed("found", crooked))
+    (part,) = replay(changed("found", crooked)).parts
+    assert (part.name, part.claim) == ("task", "")
+    assert "does not stand at a rotation" in part.refused
 
 
 def test_the_proof_of_another_task_is_none() -> None:
@@ -288,6 +304,226 @@ def test_the_proof_of_another_task_is_none() -> None:
 
     assert "joint index_proximal comes to" in reason(changed("found", narrow))
     assert math.isfinite(replay(changed("found", narrow)).parts[0].figures["gap"])
+
+
+# --- each claim alone ---
+
+
+def searched(**keys: Any) -> _Searched:
+    said = {"by": "contacts 0 and 1", "nodes": 4, "discarded": 1, "depth": 0, "pending": 0, "smallest": 0, "largest": 0}
+    return _Searched(Fields(said | keys, "searched"))
+
+
+@pytest.mark.parametrize(
+    ("by", "count", "contacts"),
+    [
+        ("contact 0", 1, ((0,), False)),
+        ("contact 1", 1, None),
+        ("contacts 0 and 1", 2, ((0, 1), False)),
+        ("contacts 0, 2 and 3", 4, ((0, 2, 3), False)),
+        ("contacts 0, 2 and 3", 3, None),
+        ("contacts 0, 1", 3, ((0, 1), False)),
+        ("contact 2 and the object's position", 3, ((2,), True)),
+        ("contacts 0, 2 and the object's position", 3, ((0, 2), True)),
+        ("contacts 0, 2 and the object's position", 2, None),
+        ("contacts 1 and 0", 2, None),
+        ("contacts 0 and 0", 2, None),
+        ("contacts 0, 0 and the object's position", 2, None),
+        ("the object's position", 2, None),
+        ("contacts 0 and 1, more or less", 2, None),
+        ("all contacts 0 and 1", 2, None),
+        ("contacts 0 and its position", 2, None),
+    ],
+)
+def test_which_contacts_a_search_names(by: str, count: int, contacts: Any) -> None:
+    assert searched(by=by).contacts(count) == contacts
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"by": 3}, "^searched.by: is 3; a text is needed$"),
+        ({"nodes": -1}, "^searched.nodes: is -1; a whole number of 0 or more"),
+        ({"pending": 0.5}, "^searched.pending: is 0.5; a whole number"),
+        ({"smallest": -0.5}, "^searched.smallest: is -0.5; 0 or more is needed$"),
+        ({"largest": -0.5}, "^searched.largest: is -0.5; 0 or more is needed$"),
+        ({"discarded": 1.0000001}, "^searched: has a share beyond 1, or a smallest box larger than the largest$"),
+        ({"smallest": 0.5, "largest": 0.25}, "^searched: has a share beyond 1, or a smallest box larger"),
+        ({"more": 1}, "^searched.more: is not a known field"),
+    ],
+)
+def test_what_no_search_says(change: Data, line: str) -> None:
+    assert searched(smallest=0.5, largest=0.5).discarded == 1
+    with pytest.raises(BadFile, match=line):
+        searched(**change)
+
+
+LESS = "NONE of a search that discarded less than all or did not end"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "stop", "found", "said", "nodes", "resumable", "fault"),
+    [
+        ("found", "complete", 1, None, 0, False, ""),
+        ("found", "time", 2, {"discarded": 0.5}, 4, False, ""),
+        ("found", "complete", 1, {}, 4, False, "FOUND of a search that discarded all"),
+        ("none", "complete", 0, {}, 4, False, ""),
+        ("none", "complete", 0, {"pending": 1}, 4, False, LESS),
+        ("none", "time", 0, {}, 4, False, LESS),
+        ("none", "complete", 0, {"discarded": 0.999}, 4, False, LESS),
+        ("none", "complete", 0, None, 0, False, LESS),
+        ("none", "complete", 0, {}, 3, False, "nodes is 3, of the search 4"),
+        ("none", "complete", 0, {}, 4, True, "NONE with a state to go on from"),
+        ("undecided", "time", 0, None, 0, True, ""),
+        ("undecided", "time", 0, {"discarded": 0.5}, 4, True, ""),
+        ("undecided", "complete", 0, {"discarded": 0.5}, 4, True, "UNDECIDED of a search that is complete"),
+        ("undecided", "complete", 0, None, 0, True, "UNDECIDED of a search that is complete"),
+        ("undecided", "time", 0, {}, 4, True, "UNDECIDED of a search that discarded all"),
+        ("undecided", "time", 0, None, 1, True, "nodes is 1, of the search 0"),
+        ("undecided", "time", 0, None, 0, False, "UNDECIDED without a state to go on from"),
+    ],
+)
+def test_which_keys_contradict_each_other(
+    verdict: str, stop: str, found: int, said: Data | None, nodes: int, resumable: bool, fault: str
+) -> None:
+    of = None if said is None else searched(**said)
+    assert _contradiction(verdict, stop, found, of, nodes, resumable) == fault
+
+
+def told(verdict: str, stop: str, search: Data | None, **more: Any) -> Data:
+    """A file that no search wrote, of a task that cannot be met."""
+    none = {"by": "contacts 0 and 1", "nodes": 4, "discarded": 1, "depth": 0, "pending": 0, "smallest": 0, "largest": 0}
+    answer = {"schema": "handfast/answer/1", "query": "synthesize", "verdict": verdict, "stop": stop, "seconds": 0.5}
+    answer |= {"nodes": 4 if search is not None else 0, "starts": 0, "unproved": 0, "seed": 0, "configurations": []}
+    answer |= {"searched": none | search if search is not None else None}
+    state: Data | None = {} if verdict == "undecided" else None
+    task = task_to_dict(grip(0.12))
+    return {"schema": "handfast/synthesis/1", "task": task, "answer": answer, "state": state} | more
+
+
+def test_the_share_of_the_space_that_an_undecided_search_discarded_is_not_replayed() -> None:
+    done = replay(told("undecided", "time", {"discarded": 0.25}))
+    assert (done.name, done.claim, done.reason, done.parts) == ("synthesis", "", "", ())
+    share = "25 % of the space holds no configuration: the boxes that were discarded are not kept"
+    assert done.not_replayed == (share, SYNTHESIS_COURSE, NAMES_CLAIM)
+    assert replay(told("undecided", "time", None, checksum="x")).not_replayed == (SYNTHESIS_COURSE, NAMES_CLAIM)
+
+
+def test_of_what_contradicts_itself_nothing_is_claimed() -> None:
+    done = replay(told("undecided", "complete", {"discarded": 0.25}))
+    assert (done.name, done.claim, done.refused) == ("synthesis", "", "UNDECIDED of a search that is complete")
+    assert (done.parts, done.not_replayed) == ((), (SYNTHESIS_COURSE, NAMES_CLAIM))
+
+
+def test_a_none_that_is_not_shown_again_is_not_replayed() -> None:
+    done = replay(told("none", "complete", {"by": "contact 0"}))
+    (part,) = done.parts
+    assert (done.name, done.refused, part.name, part.ok) == ("synthesis", "", "none", False)
+    assert part.reason.startswith("NONE rests on the search itself, ask it again: of contact 0 the checker")
+    assert done.not_replayed == (part.reason, SYNTHESIS_COURSE, NAMES_CLAIM)
+    shown = replay(told("none", "complete", {}))
+    assert shown.ok
+    assert (shown.name, shown.not_replayed) == ("synthesis", (SYNTHESIS_COURSE, NAMES_CLAIM))
+
+
+@pytest.mark.parametrize(("boxes", "words"), [(1, "1 box"), (7, "7 boxes")])
+@pytest.mark.parametrize("origin", [False, True])
+def test_what_the_checker_finds_of_contacts_by_itself(
+    boxes: int, words: str, origin: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    task = read_task(task_to_dict(grip(0.12)))
+    by = "contact 1 and the object's position" if origin else "contacts 0 and 1"
+    for shown in (True, False):
+
+        def found(of: Any, which: Any, *, origin: bool, shown: bool = shown) -> Any:
+            assert (of, which, origin) == (task, (1,) if "position" in by else (0, 1), "position" in by)
+            return SimpleNamespace(boxes=boxes, discarded=0.25, shown=shown)
+
+        monkeypatch.setattr("handfast.proofs.synthesis.impossible", found)
+        monkeypatch.setattr("handfast.proofs.synthesis.impossible_at_every_pose", lambda _: None)
+        done = _none(task, searched(by=by))
+        assert (done.name, done.figures, done.ok) == ("none", {"boxes": boxes}, shown)
+        assert done.claim == f"{by} exclude each other, by {words} of the checker's own"
+        ask = "NONE rests on the search itself, ask it again: "
+        share = f"of {by} the checker by itself could discard 25 % of the space in {words}"
+        assert done.refused == ("" if shown else ask + share)
+
+
+def test_every_pose_is_asked_for_by_its_own_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    task, every = read_task(task_to_dict(grip(0.12))), "all contacts, pose by pose"
+    found = SimpleNamespace(boxes=3, discarded=1.0, shown=True)
+    monkeypatch.setattr("handfast.proofs.synthesis.impossible_at_every_pose", lambda of: found if of is task else None)
+    monkeypatch.setattr("handfast.proofs.synthesis.impossible", lambda *_, **__: None)
+    done = _none(task, searched(by=every))
+    assert (done.claim, done.ok) == (f"{every} exclude each other, by 3 boxes of the checker's own", True)
+    for said, by in ((None, ""), (searched(by="contacts 1 and 0"), "contacts 1 and 0"), (searched(by="x"), "x")):
+        done = _none(task, said)
+        assert (done.name, done.claim, done.figures) == ("none", "", {})
+        assert done.refused == f"NONE rests on the search itself, ask it again: '{by}' names no contacts of the task"
+
+
+def test_what_follows_from_a_configuration() -> None:
+    """Pressed along -z, 0.3 rad from the axis of a cap of 0.5 rad; a flat finger has no cone."""
+    hand = SimpleNamespace(links=[SimpleNamespace(name=name) for name in ("palm", "a", "b")])
+    regions = [SimpleNamespace(sign=-1.0, half_angle=0.5), SimpleNamespace(sign=1.0, half_angle=0.0)]
+    task: Any = SimpleNamespace(hand=hand, links=(2, 1), on_hand=regions)
+    up, lean = np.array([[0.0, 0, 1]] * 2), np.array([[0, 2 * np.sin(0.3), 2 * np.cos(0.3)]] * 2)
+    parts = {"point": np.arange(6.0).reshape(2, 3), "normal": up, "axis": lean}
+    at: Any = SimpleNamespace(**{name: [SimpleNamespace(mid=x)] for name, x in parts.items()})
+    slacks = {"contact:0:cone": 9.0, "contact:1:normals": 9.0, "joint:x": 0.25}
+    found = _following(task, at, slacks, np.array([1.0, 2, 3]), np.array([0.0, 0, -2, 0]))
+    assert found["slacks"] == {"contact:0:cone": pytest.approx(0.5 - 0.3), "joint:x": 0.25}
+    assert found["object_pose"]["position"] == [1, 2, 3]
+    assert found["object_pose"]["quaternion"].tolist() == [0, 0, -1, 0]
+    due = [
+        {"link": "b", "point": [0, 1, 2], "normal": [0, 0, -1]},
+        {"link": "a", "point": [3, 4, 5], "normal": [0, 0, -1]},
+    ]
+    assert found["contacts"] == due
+
+
+def test_of_configurations_that_are_refused_no_spread_is_shown() -> None:
+    data = changed("found", moved("position", 1e-6))
+    done = replay(data)
+    assert [(part.name, part.ok) for part in done.parts] == [("configuration 0", False), ("configuration 1", True)]
+    first(data)["existence"].popitem()
+    with pytest.raises(BadFile, match=r"^answer\.configurations\[0\]\.existence\."):
+        replay(data)
+
+
+def test_what_the_distance_of_configurations_is_made_of() -> None:
+    """Slides and places over 0.1 m, turns as they are, the object's axes over sqrt 2, points in its frame."""
+    task = read_task(task_to_dict(grip(0.12)))
+    names = [task.hand.joints[j] for j in task.free]
+    assert (len(names), len(task.links), task.hand.revolute[task.free[0]]) == (1, 2, False)
+    R = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    p, points = np.array([0.3, 0.2, 0.1]), np.array([[0.3, 0.25, 0.1], [0.31, 0.2, 0.13]])
+    at: Any = SimpleNamespace(**{
+        name: SimpleNamespace(mid=value[None]) for name, value in (("rotation", R), ("position", p), ("point", points))
+    })  # fmt: skip
+    moved = dict.fromkeys(task.hand.joints, 7.0) | {names[0]: 0.02}
+    places = [3, 2, 1, *R.ravel() / np.sqrt(2), 0.5, 0, 0, 0, -0.1, 0.3]
+    np.testing.assert_allclose(_features(task, moved, at), [0.2, *places], atol=1e-14)
+    turning = replace(task, hand=replace(task.hand, revolute=~task.hand.revolute))
+    np.testing.assert_allclose(_features(turning, moved, at), [0.02, *places], atol=1e-14)
+
+
+def test_the_spread_is_the_least_distance_of_two() -> None:
+    data = changed("found", same)
+    own = data["answer"]
+    own["configurations"].append(own["configurations"][0])
+    assert replay(data).reason.startswith("spread: is ")
+    own["spread"] = 0.0
+    assert replay(data).ok
+    own["configurations"], own["spread"] = own["configurations"][:1], None
+    assert replay(data).ok
+    own["spread"] = 0.0
+    assert replay(data).reason == "spread: is 0.0, of these configurations None"
+
+
+def test_a_pose_has_a_quaternion_of_four_numbers() -> None:
+    fault = reason(changed("found", lambda d: first(d)["object_pose"].update(quaternion=[1.0, 0, 0])))
+    assert fault == "object_pose.quaternion: has 3 numbers; 4 are needed"
 
 
 # --- alone ---

@@ -271,6 +271,8 @@ def words(fewest: Fewest) -> str:
     if fewest.contacts is None:
         return f"no number of contacts on its surface can hold{why}"
     most = fewest.contacts - 1
+    if most < 1:
+        return "any number of contacts on its surface may hold"
     few = "1 contact" if most == 1 else f"{'1 or 2' if most == 2 else f'1 to {most}'} contacts"
     return f"{few} on its surface cannot hold{why}"
 
