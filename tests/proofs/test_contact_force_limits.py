@@ -19,7 +19,8 @@ from handfast.model.shape import Shape
 from handfast.planning.question import PlanLimits
 from handfast.planning.results.folder import GraspFolder
 from handfast.planning.results.grasps_file import motors_to_dict
-from handfast.proofs.contact_force_limits import LeverArm, contact_force_limits, least_arm
+from handfast.proofs import contact_force_limits as force_limits
+from handfast.proofs.contact_force_limits import ForceLimits, LeverArm, contact_force_limits, least_arm
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Interval
 from handfast.proofs.motors import Motors
@@ -173,6 +174,242 @@ def test_pads_push_with_a_lever_arm() -> None:
     assert (found > 1 / 0.15).all()
     assert (found < 1 / 0.02).all()
     assert np.isinf(limits(task, {"thumb_middle": 1.0}, friction=0.1))[0]
+
+
+def embedded(task: Task) -> dict[str, Any]:
+    return json.loads(json.dumps(task_to_dict(task)))
+
+
+def test_the_order_of_joints_does_not_matter() -> None:
+    """With index_middle first, which drives index_distal, and the others in reverse; index_proximal moves."""
+    given, points = embedded(pads()), {10: [0.3, 0.7], 9: [0.2, 0.4]}
+    hand, order = given["hand"], [10, *(j for j in reversed(range(17)) if j != 10)]
+    hand["joints"] = [hand["joints"][j] for j in order]
+    for link in hand["links"]:
+        link["joints"] = [order.index(j) for j in link["joints"]]
+    for coupling in hand["couplings"]:
+        coupling |= {name: order.index(coupling[name]) for name in ("joint", "leader")}
+    moved = [(read_task(given), order), (data(pads()), [*range(17)])]
+    for which in ({9: 1.0}, {8: 1.0, 9: -0.5}):
+        found = []
+        for read, its in moved:
+            arm = LeverArm(read, 0, {its.index(j): rate for j, rate in which.items()}, 0.1)
+            assert {its[lead] for lead in arm.columns} == {10, *which} - {min(which)}
+            x = np.array([[0.4, 0.6], *(points[its[lead]] for lead in arm.columns)]).T
+            found.append(arm.over(Interval.of(np.hstack([x[:, :1], x]))).mid)
+        assert found[0] == pytest.approx(found[1], abs=1e-12)
+        assert np.ptp(found[0]) > 1e-4
+
+
+def test_a_joint_that_nothing_drives_stands_at_its_offset() -> None:
+    """index_distal does so at 0.25 rad: the pad's arm about the axis before does not depend on any joint."""
+    given = embedded(pads())
+    given["hand"]["couplings"][2] |= {"leader": -1, "ratio": 1.0, "offset": 0.25}
+    read = read_task(given)
+    assert read.hand.joints[given["hand"]["couplings"][2]["joint"]] == "index_distal"
+    arm = LeverArm(read, 0, {10: 1.0}, 0.0)
+    assert arm.columns == {}
+    assert arm.root.tolist() == [[0, 1], [0, 1]]
+    point = Interval.of(np.array([[0.5, 0.5], [0.0, 0.0]]))
+    assert arm.value(11, point).mid.tolist() == [0.25, 0.25]
+    assert Motors.read(Fields({"actuators": []}), read, {}).limits.shape == (0,)
+    # 28 and 26 mm along the last link, which is 26 mm from the axis before, and 10 mm aside of it
+    length = np.linalg.norm(read.hand.poses[12, :3, 3])
+    assert arm.over(point).mid == pytest.approx(np.array([0.028, 0.026]) + length * np.cos(0.25), abs=1e-6)
+
+
+def test_a_joint_that_follows_stands_where_its_coupling_says() -> None:
+    """index_distal at half of index_middle and 0.25 rad, and this at -2 times index_proximal and 0.125 rad."""
+    given = embedded(pads())
+    given["hand"]["couplings"][2] |= {"ratio": 0.5, "offset": 0.25}
+    arm = LeverArm(read_task(given), 0, {8: 1.0}, 0.0)
+    assert arm.columns == {9: 2, 10: 3}
+    x = Interval.of(np.array([[0.5, 0.5, 0.75, 1.0], [0.5, 0.5, 0.25, -3.0]]))
+    assert arm.value(11, x).mid.tolist() == [0.75, -1.25]
+    assert arm.value(10, x).mid.tolist() == [1.0, -3.0]
+    given["hand"]["couplings"].append({"joint": 10, "leader": 9, "ratio": -2.0, "offset": 0.125})
+    chained = LeverArm(read_task(given), 0, {8: 1.0}, 0.0)
+    assert chained.columns == {9: 2}
+    assert chained.value(11, x[:, :3]).mid.tolist() == [0.5 * (0.125 - 1.5) + 0.25, 0.5 * (0.125 - 0.5) + 0.25]
+
+
+def test_a_contact_that_does_not_move_has_no_lever_arm() -> None:
+    arm = LeverArm(data(pads()), 0, {16: 1.0}, 0.1)
+    assert arm.steps == []
+    assert arm.over(Interval.of(np.full((3, 2), 0.5))).mag.max() < 1e-100
+
+
+def test_a_contact_that_is_drawn_back_has_no_bound() -> None:
+    assert least_arm(data(flat_grip(0.05)), 0, {0: -1.0}, 0.0) == -np.inf
+    assert least_arm(data(flat_grip(0.05)), 0, {0: 1.0}, 0.0) == pytest.approx(1.0)
+
+
+def test_joints_that_move_with_a_free_one() -> None:
+    given = embedded(pads())
+    read = read_task(given)
+    assert force_limits._leads(read, 0) == [10, 9, 8]
+    assert force_limits._rates(read, 10) == {10: 1.0, 11: 1.0}
+    assert force_limits._rates(read, 9) == {9: 1.0}
+    given["hand"]["couplings"][2] |= {"ratio": -0.5}
+    assert force_limits._rates(read_task(given), 10) == {10: 1.0, 11: -0.5}
+    given["hand"]["couplings"][2] |= {"ratio": 0.0}
+    assert force_limits._rates(read_task(given), 10) == {10: 1.0}
+    given["hand"]["couplings"][2] |= {"ratio": 1.0}
+    given["hand"]["couplings"].append({"joint": 10, "leader": 9, "ratio": 1.0, "offset": 0.0})
+    chained = read_task(given)
+    assert force_limits._leads(chained, 0) == [9, 8]
+    assert force_limits._rates(chained, 9) == {}  # one coupling follows from another
+    given["hand"]["couplings"][-1] |= {"leader": -1}
+    fixed = read_task(given)
+    assert force_limits._leads(fixed, 0) == [9, 8]
+    assert force_limits._rates(fixed, 9) == {9: 1.0}
+
+
+# --- several contacts of one link -----------------------------------------------------------------------
+
+
+def side_pad(flip: bool) -> Bezier:
+    """On the gripper's finger, out towards the other one, or back with `flip`."""
+    return Bezier(np.array([[[u, 0, v] for v in (0.03, 0.06)] for u in (-0.01, 0.01)]), flip)
+
+
+def test_a_motion_that_draws_another_contact_back_limits_nothing() -> None:
+    """Both pads on the left finger: of two that face the same way each may bear all; of two that do not, neither."""
+    for flip, most in ((True, np.inf), (False, 20.0)):
+        pairs = [ContactPair("left_finger", side_pad(back), square(1, 0.02)) for back in (False, flip)]
+        task = Task.of(load_hand("parallel-gripper"), tuple(pairs), name="one finger")
+        assert limits(task, {"grip": 20.0}) == pytest.approx([most, most])
+
+
+def test_a_pad_on_the_back_pushes_where_the_finger_opens() -> None:
+    back = ContactPair("left_finger", side_pad(True), square(1, 0.02))
+    task = Task.of(load_hand("parallel-gripper"), (back,), name="from within")
+    assert limits(task, {"grip": 20.0}) == pytest.approx([20.0])
+
+
+def test_a_finger_that_follows_at_half_the_speed_pushes_twice_as_hard() -> None:
+    given = embedded(flat_grip(0.05))
+    given["hand"]["couplings"][0]["ratio"] = 0.5
+    motors = json.loads(json.dumps(motors_to_dict(flat_grip(0.05).hand.with_laws("none"))))
+    read = read_task(given)
+    first, second = contact_force_limits(read, Motors.read(Fields(motors), read, {"grip": 20.0}), 0.0).most
+    assert second == pytest.approx(2 * first)
+
+
+@pytest.mark.parametrize(("boxes", "batches"), [(7, 3), (8, 4)])
+def test_so_many_boxes_are_looked_at(monkeypatch: pytest.MonkeyPatch, boxes: int, batches: int) -> None:
+    """1, 2, 4 and 8 of them, where no bound is good enough: each in its middle, and both halves."""
+    monkeypatch.setattr(force_limits, "LEVER_BOXES", boxes)
+    monkeypatch.setattr(force_limits, "LEVER_BOUND_RATIO", 2.0)
+    seen, over = [], LeverArm.over
+
+    def noted(arm: LeverArm, x: Interval) -> Interval:
+        seen.append(x.shape[0])
+        return over(arm, x)
+
+    monkeypatch.setattr(LeverArm, "over", noted)
+    least_arm(data(flat_grip(0.05)), 0, {0: 1.0}, 0.0)
+    assert seen == [n for k in range(batches) for n in (2**k, 2 ** (k + 1))]
+
+
+def test_what_is_not_known_of_a_box_bounds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1 in the middles of boxes, and no number over them."""
+    monkeypatch.setattr(force_limits, "LEVER_BOXES", 8)
+
+    def over(arm: LeverArm, x: Interval) -> Interval:
+        return Interval.of(np.where((x.lo == x.hi).all(axis=1), 1.0, np.nan))
+
+    monkeypatch.setattr(LeverArm, "over", over)
+    for enough in (0.0, np.inf):
+        assert least_arm(data(flat_grip(0.05)), 0, {0: 1.0}, 0.0, enough=enough) == -np.inf
+
+
+@pytest.mark.parametrize(
+    ("own", "others", "most"), [(1.0, 0.0, 20.0), (2.0, 1.0, 10.0), (0.0, 0.0, np.inf), (1.0, -0.1, np.inf)]
+)
+def test_which_lever_arms_limit_a_force(
+    monkeypatch: pytest.MonkeyPatch, own: float, others: float, most: float
+) -> None:
+    """An arm of a contact itself, and what is enough to know of the other one: that it is not drawn back."""
+    seen = []
+
+    def arm(*given: Any, enough: float = np.inf) -> float:
+        seen.append((given[3:], enough))
+        return own if enough == np.inf else others
+
+    monkeypatch.setattr(force_limits, "least_arm", arm)
+    assert limits(flat_grip(0.05), {"grip": 20.0}) == pytest.approx([most, most])
+    assert {*seen} <= {((0.5, 0.0), np.inf), ((0.5, 0.0), 0.0)}
+
+
+def test_joints_that_nothing_drives_push_with_nothing_if_they_have_an_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of all motors but one that drives neither finger nothing is left."""
+    task = data(flat_grip(0.05))
+    idle = Fields({"actuators": [{"name": "idle", "joints": {}}]})
+    motors = Motors.read(idle, task, {"idle": 1.0})
+    for own, most in ((1.0, 0.0), (0.0, np.inf)):
+        monkeypatch.setattr(force_limits, "least_arm", lambda *_, own=own, **__: own)
+        assert contact_force_limits(task, motors, 0.5).most == pytest.approx([most, most], abs=1e-200)
+
+
+def test_friction_of_another_contact_counts() -> None:
+    """A round tip of 1 rad beside a flat pad: a friction of 0.7 at the tip may hold the finger back."""
+    flat, ball = ContactPair("left_finger", side_pad(False), square(1, 0.02)), grip(0.05).contact_pairs[0]
+    task = Task.of(load_hand("parallel-gripper"), (flat, ball), name="flat and round")
+    assert np.isinf(limits(task, {"grip": 20.0}, friction=0.7)).all()
+    gentle = limits(task, {"grip": 20.0}, friction=0.2)
+    assert gentle[0] == pytest.approx(20.0)
+    assert gentle[1] > 20 / (np.cos(1) - 0.2 * np.sin(1))
+
+
+def test_torsion_of_another_contact_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pad that is tilted by 45 degrees to the axes of its finger turns about its normal, too."""
+    monkeypatch.setattr(force_limits, "TRIED_JOINTS", 1)
+    along, up = np.cos(np.pi / 4), np.sin(np.pi / 4)
+    points = [[[0.028 + u, v * along, 0.01 + v * up] for v in (-0.004, 0.004)] for u in (-0.002, 0.002)]
+    tilted = ContactPair("index_distal", Bezier(np.array(points), False), square(1, 0.015))
+    task = Task.of(load_hand("schunk-sah"), (pads().contact_pairs[0], tilted), name="tilted")
+    motors = Fields(json.loads(json.dumps(motors_to_dict(task.hand.with_laws("none")))))
+    read = Motors.read(motors, data(task), dict.fromkeys(task.hand.mechanism.actuators, 1.0))
+    for torsion, known in ((0.001, [True, True]), (1.0, [False, False])):
+        assert np.isfinite(contact_force_limits(data(task), read, 0.1, torsion).most).tolist() == known
+    # alone the flat pad does not turn about its normal
+    alone = Task.of(task.hand, task.contact_pairs[:1], name="flat")
+    assert np.isfinite(contact_force_limits(data(alone), read, 0.1, 1.0).most).all()
+
+
+# --- limits ---------------------------------------------------------------------------------------------
+
+
+def test_the_lower_of_limits_and_one_for_all() -> None:
+    most, turned, slid = np.array([1.0, 2, 3]), np.array([0.1, 0.2, 0.3]), np.array([4.0, 5, 6])
+    lower = ForceLimits(most, turned, slid).up_to(2.0)
+    assert lower.most.tolist() == [1, 2, 2]
+    assert lower.turned.tolist() == [0.1, 0, 0]  # what is missed of torques does not add to a limit that is given
+    assert lower.slid.tolist() == [4, 0, 0]
+    for given in (7.0, np.full(2, 7.0)):
+        same = ForceLimits.of(given, 2)
+        assert (same.most.tolist(), same.turned.tolist(), same.slid.tolist()) == ([7, 7], [0, 0], [0, 0])
+
+
+def test_by_how_much_a_force_grows_for_what_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both slides move as far as a pad: 2 N of both for each; a finger's two last joints 2 rad over its arm."""
+    monkeypatch.setattr(force_limits, "TRIED_JOINTS", 1)
+    task = flat_grip(0.05)
+    motors = json.loads(json.dumps(motors_to_dict(task.hand.with_laws("none"))))
+    found = contact_force_limits(data(task), Motors.read(Fields(motors), data(task), {"grip": 20.0}), 0.5)
+    assert found.slid == pytest.approx([2, 2])
+    assert found.turned.tolist() == [0, 0]
+    none = contact_force_limits(data(task), Motors.read(Fields(motors), data(task), {}), 0.5)
+    assert np.isinf(none.most).all()
+    assert (none.turned.tolist(), none.slid.tolist()) == ([0, 0], [0, 0])
+    motors = json.loads(json.dumps(motors_to_dict(pads().hand.with_laws("none"))))
+    torques = dict.fromkeys(pads().hand.mechanism.actuators, 3.0)
+    only = contact_force_limits(data(pads()), Motors.read(Fields(motors), data(pads()), {"thumb_middle": 3.0}), 0.1)
+    assert np.isfinite(only.most).tolist() == [False, True]
+    fingers = contact_force_limits(data(pads()), Motors.read(Fields(motors), data(pads()), torques), 0.1)
+    assert fingers.slid.tolist() == [0, 0]
+    assert fingers.turned / fingers.most == pytest.approx([2 / 3, 2 / 3])  # 3 N m for them
 
 
 def test_a_palm_is_not_limited_and_wide_tips_may_be_struts() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from flint import ctx
 
 from benchmarks.exact_states import FAMILIES, drawn
 from handfast.core import bundled
+from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import existence, states
@@ -26,11 +28,12 @@ from handfast.proofs.existence import (
     slacks,
 )
 from handfast.proofs.grasp import StartData
+from handfast.proofs.near import Near
 from handfast.proofs.newton import BITS, Box, NotShown, System
 from handfast.proofs.question import read_question
 from handfast.proofs.states import ContactMode as Contact_
 from handfast.proofs.states import Modes, Part, Problem, State, choices, modes_of
-from handfast.proofs.tolerance import EPS, load_scale
+from handfast.proofs.tolerance import EPS, MIN_FORCE_SCALE, TOO_SMALL, load_scale
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.studies.questions import check, maximum
@@ -522,6 +525,70 @@ def test_inequalities_of_a_step_from_a_state_are_kept_by_as_much_all_over_a_box(
     assert not wrong
 
 
+decimal = np.vectorize(Decimal, otypes=[object])
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.2])
+@pytest.mark.parametrize(
+    "what", ["open", "friction", "limit", "command", "sense", "torque", "reaction", "stop", "leans"]
+)
+def test_what_is_only_kept_by_rounding_is_not_kept(what: str, eta: float) -> None:
+    """At 300 points a few roundings from where an inequality ends, against 60 digits; in a step, without radii."""
+    p, _ = started(eta)
+    g, rng = p.grasp, np.random.default_rng(7)
+    _, _, actuators, _, joints = g.parts
+    n, (normal, across) = len(g.rows[0]), (g.contact_rows[:, 0], g.contact_rows[:, 1:])
+    d, phi = rng.normal(size=(2, 300, n)) * 10.0 ** rng.integers(-2, 3, size=(2, 300, n))
+    d[..., -1] = phi[..., -1] = 0.0
+    arm_a, arm_j, ends = g.row_units[actuators], g.row_units[joints], states.reaction_ends(g)
+    side, way = np.array([1.0, -1.0, 0.0]), np.abs(g.stops_left)
+    slides, rubs = (np.sqrt((x[:, across] ** 2).sum(axis=-1)) for x in (d, phi))
+
+    def near(x: Array) -> Array:
+        steps = rng.integers(-6, 7, size=(300, len(x.T))) * rng.choice([1, 20], size=(300, 1))
+        return x * (1 + steps * 2.0**-53)
+
+    if what == "open":
+        d[:, normal] = near(-(g.gaps + p.sin * slides) / p.cos)
+    elif what in ("friction", "limit"):
+        phi[:, normal] = near(rubs / g.mu if what == "friction" else np.full(3, p.force_limit))
+    elif what in ("command", "torque"):
+        phi[:, actuators] = near(p.command if what == "command" else np.array([0.5, 1.0]))
+    elif what == "sense":
+        d[:, actuators] = near(-g.slack)
+    elif what in ("reaction", "leans"):
+        phi[:, joints] = near(np.where(side > 0, *(ends if what == "reaction" else (g.friction, -g.friction))))
+    else:
+        d[:, joints] = near(-side * way)
+    D, C, T, F = (
+        decimal(x) for x in (d[:, g.contact_rows], phi[:, g.contact_rows], d[:, actuators], phi[:, actuators])
+    )
+    rho, q = decimal(phi[:, joints]), decimal(d[:, joints])
+    with localcontext(prec=60):
+        slides, rubs = (np.vectorize(Decimal.sqrt, otypes=[object])((x[..., 1:] ** 2).sum(axis=-1)) for x in (D, C))
+        fault, true = {
+            "open": ("be open", decimal(g.gaps) + decimal(p.cos) * D[..., 0] + decimal(p.sin) * slides),
+            "friction": ("be inside its friction cone", decimal(g.mu) * C[..., 0] - rubs),
+            "limit": ("keep the force limit", decimal(p.force_limit) - C[..., 0]),
+            "command": ("carry its command", (F - decimal(p.command)) * decimal(arm_a)),
+            "sense": ("move in its sense", (T + decimal(g.slack)) / decimal(arm_a)),
+            "torque": ("keep its limit", (decimal(p.limit) - np.abs(F)) * decimal(arm_a)),
+            "reaction": (
+                "carry its reaction",
+                np.minimum(rho - decimal(ends[0]), decimal(ends[1]) - rho) * decimal(arm_j),
+            ),
+            "stop": ("stay off its stop", (decimal(side) * q + decimal(way)) / decimal(arm_j)),
+            "leans": ("lean on its stop", (decimal(side) * rho - decimal(g.friction)) * decimal(arm_j)),
+        }[what]
+    none = np.zeros(n)
+    modes = Modes(*(np.full(k, 0) for k in (g.m, g.m, g.a, g.l)))
+    found = slacks(p, modes, Box(np.zeros(6 + g.l), np.zeros(6 + g.l), d, none, phi, none))
+    (kept,) = (least >= 0 for _, words, least, _ in found if words == f"is not proved to {fault}")
+    assert (true >= 0)[kept].all()
+    assert kept.any()
+    assert (true < 0).any()
+
+
 @pytest.mark.parametrize("family", ["soft fingers", "plain", "prismatic"])
 def test_a_state_at_the_edge_of_its_modes_is_moved_inside(family):
     """Friction takes all that it may at one contact that sticks, or 1e-9 N more: others can take some of it."""
@@ -658,6 +725,8 @@ def test_between_which_ends_a_magnitude_is(off):
     p, x = half_under_way(off)
     done = prove(p, x)
     assert done.exact
+    assert done.reason == ""
+    assert 0 <= done.residual < 1e-9
     low, high = done.magnitude
     assert low <= 0.5 <= high
     assert high - low < 1e-9
@@ -730,3 +799,213 @@ def test_a_direction_of_sliding_that_is_not_known_is_met_once_by_each_contact(mo
     assert len(tried) > 6
     for k in range(3):
         assert sum(contact[k] == Contact_.SLIDES for contact in tried) == 1
+
+
+# --- what is shown of a state where it is not proved exactly -------------------------------------------
+
+
+MODES = Modes(*(np.zeros(k, dtype=np.int64) for k in (1, 1, 0, 0)))
+SHOWN, MISSED, WORSE = (
+    Near(missed, where, MODES, 3.0, 4.0) for missed, where in ((0.5e-9, "(1)"), (2e-9, "(2)"), (3e-9, "(3)"))
+)
+EXACT = Proved(True, False, "", 0.0, 0.25, 1.0, 0.5, (0.4, 0.6), MODES)
+OPEN = Proved(False, False, "no", 0.75)
+
+
+def decided(
+    monkeypatch: pytest.MonkeyPatch, unknown: Proved, given: Proved, rough: Near, nearer: Near, p: Problem, **how: float
+) -> tuple[Proved, list[str]]:
+    """What `prove` makes of what is found with the magnitude as an unknown, and without; and what it asked."""
+    asked = []
+
+    def attempts(p: Problem, x: State, tries: int, free: bool = False) -> Proved:
+        asked.append(f"{'free' if free else 'fixed'} {tries}")
+        return unknown if free else given
+
+    def near(p: Problem, x: State) -> Near:
+        asked.append("near")
+        return rough
+
+    def after_newton(p: Problem, x: State, modes: Modes) -> Near:
+        asked.append("nearer")
+        return nearer
+
+    monkeypatch.setattr(existence, "_attempts", attempts)
+    monkeypatch.setattr(existence, "near", near)
+    monkeypatch.setattr(existence, "_nearer", after_newton)
+    return prove(p, half_under_way()[1], **how), asked  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("free", "fixed", "how", "done", "asked"),
+    [
+        (EXACT, OPEN, {}, EXACT, ["free 16"]),
+        (EXACT, OPEN, {"least": 0.4, "within": 0.25, "tries": 3}, EXACT, ["free 3"]),
+        (
+            EXACT,
+            replace(EXACT, magnitude=None),
+            {"least": 0.41},
+            replace(EXACT, magnitude=None),
+            ["free 16", "fixed 16"],
+        ),
+        (OPEN, EXACT, {"tries": 2}, EXACT, ["free 2", "fixed 2"]),
+        (EXACT, OPEN, {"least": 0.41}, None, ["free 16", "fixed 16", "near"]),
+        (EXACT, OPEN, {"within": 0.24}, None, ["free 16", "near"]),
+        (OPEN, OPEN, {}, None, ["free 16", "fixed 16", "near"]),
+    ],
+)
+def test_what_is_not_shown_as_asked_may_hold_to_the_tolerance(
+    monkeypatch: pytest.MonkeyPatch, free: Proved, fixed: Proved, how: dict, done: Proved | None, asked: list[str]
+) -> None:
+    p, _ = half_under_way()
+    tolerant = Proved(False, True, free.reason, 0.5e-9, 3.0, 4.0, 0.0, (0.5, 0.5), MODES)
+    assert decided(monkeypatch, free, fixed, SHOWN, WORSE, p, **how) == (done or tolerant, asked)
+
+
+@pytest.mark.parametrize(("rough", "nearer"), [(MISSED, WORSE), (WORSE, MISSED)])
+def test_what_misses_too_much_is_exact_or_nothing(monkeypatch: pytest.MonkeyPatch, rough: Near, nearer: Near) -> None:
+    p, _ = half_under_way()
+    found, asked = decided(monkeypatch, EXACT, OPEN, rough, nearer, p, within=0.1)
+    assert (found, asked) == (EXACT, ["free 16", "near", "nearer"])
+    found, asked = decided(monkeypatch, OPEN, OPEN, rough, nearer, p)
+    assert found == Proved(False, False, "no; (2) is missed by 2.0e-09 of the load", 2e-9)
+    assert asked == ["free 16", "fixed 16", "near", "nearer"]
+    found, _ = decided(monkeypatch, OPEN, OPEN, rough, SHOWN, p)
+    assert (found.tolerant, found.residual) == (True, 0.5e-9)
+
+
+def test_without_a_magnitude_none_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    p = replace(half_under_way()[0], along=None)
+    found, asked = decided(monkeypatch, EXACT, OPEN, SHOWN, WORSE, p, within=0.1)
+    assert (found.tolerant, found.magnitude, asked) == (True, None, ["fixed 16", "near"])
+
+
+def test_nothing_may_be_missed_of_a_load_that_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Base and direction cancel."""
+    p = replace(half_under_way()[0], magnitude=-0.5)
+    assert not p.granted
+    assert decided(monkeypatch, OPEN, OPEN, SHOWN, SHOWN, p) == (OPEN, ["free 16", "fixed 16"])
+
+
+def test_nothing_is_proved_of_forces_that_are_too_small() -> None:
+    p, x = half_under_way()
+    for size, shown in ((MIN_FORCE_SCALE, True), (0.99 * MIN_FORCE_SCALE, False)):
+        less = replace(p, wrench=size * np.array([0, 0, -1.0, 0, 0, 0]), along=None)
+        done = prove(less, altered(x, r=size * x.r, c=size * x.c))
+        assert (done.exact or done.tolerant) == shown
+        if not shown:
+            assert done == Proved(False, False, TOO_SMALL, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("by", "leads"), [(0.9e-6, True), (-0.9e-6, True), (1.1e-6, False), (-1.1e-6, False), (None, False)]
+)
+def test_newtons_method_may_lead_elsewhere(monkeypatch: pytest.MonkeyPatch, by: float | None, leads: bool) -> None:
+    """A millionth of the force of 1 N is not elsewhere. None: it fails."""
+    p, x = half_under_way()
+
+    def solved(s: System) -> tuple[Array, Array, float]:
+        if by is None:
+            raise NotShown("no")
+        return 2 * x.motion, x.forces(p.grasp) + np.array([by, 0, 0, 0]), 0.5
+
+    def asked(its: Problem, y: State) -> Near:
+        assert its is p
+        assert y.motion.tolist() == (2 * x.motion).tolist()
+        assert y.c[0] == 1 + (by or 0)
+        return SHOWN
+
+    monkeypatch.setattr(existence, "solution", solved)
+    monkeypatch.setattr(existence, "near", asked)
+    found = existence._nearer(p, x, likeliest(p, x))
+    assert (found is SHOWN) == leads
+    if not leads:
+        assert (found.missed, found.where, found.shown) == (np.inf, "all", False)
+    at, better = polished(p, x)
+    assert (at is p, better is x) == (by is None, by is None)
+    if by is not None:
+        assert (at.magnitude, better.c[0]) == (0.5, 1 + by)
+
+
+def of_one_contact(force: float, motion: float, *, off: float = 0.0) -> tuple[Problem, State, Box]:
+    """A state of 2 N, and a box about a force and a motion with radii of forces and half as large ones of motions."""
+    p = problem(Grasp([Contact([0, 0, 0], [0, 0, 1], 0.5)], []), [0, 0, -2.0])
+    none = np.zeros(0)
+    x = State(np.array([0, 0, -2.0, 0, 0, 0]), none, np.array([2.0, 0, 0]), none, none, none, np.zeros(1))
+    d, phi, radii = np.array([motion, 0, 0, 0]), np.array([force, 0, 0, 0]), np.array([off, 0, 0, 0])
+    return p, x, Box(x.motion, np.zeros(6), d, radii / 2, phi, radii)
+
+
+@pytest.mark.parametrize(
+    ("force", "motion", "off", "radius"),
+    [(2.0, -2.0, 0.0, 0.0), (2.0 + 1e-6, -2.0, 5e-7, 1.5e-6), (2.0 - 1e-6, -2.25, 5e-7, 0.25 + 2.5e-7)],
+)
+def test_how_far_a_box_is_from_a_state(force: float, motion: float, off: float, radius: float) -> None:
+    assert existence._radius(*of_one_contact(force, motion, off=off)) == pytest.approx(radius, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("force", "off", "far"), [(2 + 1.9e-6, 0, ""), (2 - 2.1e-6, 0, "2.1e-06"), (2, 2.1e-6, "2.1e-06")]
+)
+def test_forces_that_are_proved_are_those_that_are_printed(force: float, off: float, far: str) -> None:
+    """To a millionth of 2 N."""
+    asked = of_one_contact(force, -2.0, off=off)
+    if not far:
+        assert existence._radius(*asked) > 0
+        return
+    with pytest.raises(NotShown) as fault:
+        existence._radius(*asked)
+    assert str(fault.value) == f"contact 0: the force of the state that is proved is {far} N from the printed one"
+    assert fault.value.rounding
+
+
+def test_torsions_have_the_names_of_their_contacts() -> None:
+    contacts = [Contact([0.1 * k, 0, 0], [0, 0, 1], 0.5, torsion=0.01 * k) for k in range(3)]
+    p = problem(Grasp(contacts), [0, 0, -1.0])
+    assert [row_name(p, k) for k in (8, 9, 10)] == ["contact 2", "torsion of contact 1", "torsion of contact 2"]
+
+
+@pytest.mark.parametrize("tries", [1, 2, 5])
+def test_so_many_modes_are_tried(monkeypatch: pytest.MonkeyPatch, tries: int) -> None:
+    """Three contacts that press by as good as nothing, and a load that none of them carries."""
+    contacts = [Contact([0.1 * k, 0, 0], [0, 0, 1], 0.5) for k in range(3)]
+    p, tried = problem(Grasp(contacts), [0, 0, 1.0, 0, 0, 0]), []
+
+    def noted(s: System, x: State, residual: float) -> Proved:
+        tried.append(s.modes.contact.tolist())
+        raise NotShown(f"no {len(tried)}")
+
+    monkeypatch.setattr(existence, "_tried", noted)
+    x = State.of(p.grasp, np.array([0, 0, -1e-12, 0, 0, 0]), np.zeros(len(p.grasp.rows[0])))
+    found = existence._attempts(p, x, tries)
+    assert len(tried) == len({tuple(modes) for modes in tried}) == tries
+    assert (found.exact, found.tolerant, found.reason) == (False, False, "no 1")  # of the likeliest
+    assert np.isfinite(found.residual)
+
+
+@pytest.mark.parametrize("off", [0.0, 0.125])
+def test_the_ends_of_a_magnitude_are_rounded_outwards(off: float) -> None:
+    p, x = half_under_way()
+    s = System.of(p, likeliest(p, x), x, True)
+    box = replace(s.box(), magnitude=0.5, magnitude_off=off)
+    done = existence._shown(s, x, box, 0.75)
+    low, high = done.magnitude
+    assert low < 0.5 - off
+    assert 0.5 + off < high
+    assert high - low == pytest.approx(2 * off, abs=1e-14)
+    assert (done.exact, done.tolerant, done.reason, done.residual) == (True, False, "", 0.75)
+    assert done.modes is s.modes
+    assert done.radius < 1e-9
+    assert done.motion == pytest.approx(1)
+    assert done.margin == pytest.approx(1)  # 1 N presses
+    fixed = replace(p, along=None, wrench=p.load)
+    assert existence._shown(System.of(fixed, s.modes, x, False), x, box, 0.0).magnitude is None
+
+
+def test_a_magnitude_is_polished_with_the_state() -> None:
+    """1 N presses where 1/2 N and a magnitude of 0.4 are to be balanced: both give way."""
+    p, x = half_under_way()
+    at, better = polished(replace(p, magnitude=0.4), x)
+    assert 0.4 < at.magnitude < 0.5
+    assert better.c[0] == pytest.approx(0.5 + at.magnitude)
+    assert better.r[2] == pytest.approx(-better.c[0])

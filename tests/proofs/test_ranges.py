@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.proofs.fields import BadFile
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.grasp import read_grasp
-from handfast.proofs.ranges import MAX_ARC_DEGREE, Arc, known, least_scale, merged
+from handfast.proofs.question import CHECK, LARGEST_GOAL, Question
+from handfast.proofs.ranges import MAX_ARC_DEGREE, Arc, known, least_scale, merged, read_arc, replayed
+from handfast.proofs.states import State
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL
 from tests.support.exact_states import data
 from tests.support.small_grasp import small_grasp
 
@@ -196,12 +199,12 @@ def arc(first: float, last: float, controls: int) -> Arc:
         (2, 1, 2, "goes from 2 to 1"),
         (-0.5, 1, 2, "goes from -0.5 to 1"),
         (0, INF, 2, "goes from 0 to inf"),
-        (0, 1, 1, "has 1 controls"),
-        (0, 1, MAX_ARC_DEGREE + 2, "has 14 controls"),
+        (0, 1, 1, "has 1 controls; 2 to 13 are possible"),
+        (0, 1, MAX_ARC_DEGREE + 2, "has 14 controls; 2 to 13 are possible"),
     ],
 )
 def test_what_is_no_arc(first: float, last: float, controls: int, why: str) -> None:
-    with pytest.raises(BadFile, match=why):
+    with pytest.raises(BadFile, match=f"^arc: {why}"):
         arc(first, last, controls)
     assert len(arc(0, 0.5, 2).controls) == 2
     assert len(arc(0.5, 1, MAX_ARC_DEGREE + 1).controls) == 13
@@ -222,3 +225,113 @@ def test_the_least_scale_between_two_loads_by_hand() -> None:
     g = g.with_command(np.zeros(g.a))
     turned = np.array([[0, 3, 4, -0.875, -1, 0.75 + 100 * g.size], [0, 3, 4, -0.875, -1, 0.75 + 200 * g.size]])
     assert least_scale(g, turned) == pytest.approx(100)
+
+
+def test_one_given_torque_counts_where_nothing_is_commanded() -> None:
+    """0.25 N m of one of two hinges at 0.5 m from its contact: 0.5 N, where no load may act."""
+    contacts = [Contact([0, -0.5, 0], [1, 0, 0], 0.5), Contact([0, 0.5, 0], [-1, 0, 0], 0.5)]
+    hinges = [GraspJoint(name, [0, 0, 1], [0, 0, 0], (k,), torque=k / 4) for k, name in enumerate("ab")]
+    assert least_scale(data(Grasp(contacts, hinges)), np.zeros((2, 6))) == pytest.approx(0.5)
+
+
+def test_a_torque_counts_over_the_size_alone() -> None:
+    """8 N m about x on contacts that are 4 m from the middle."""
+    g = data(Grasp([Contact([0, -4, 0], [1, 0, 0], 0.5), Contact([0, 4, 0], [-1, 0, 0], 0.5)], []))
+    assert g.size == 4
+    assert least_scale(g, np.array([[0.0, 0, 0, 8, 0, 0]] * 2)) == pytest.approx(2)
+
+
+# --- what an arc shows: a contact at the origin carries what pushes along -x, and moves as far ---------------
+
+
+def asked(base: float, along: float, goal: str = LARGEST_GOAL) -> Question:
+    """Forces along -x: base, and what is multiplied by the magnitude."""
+    grasp = data(Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], []))
+    push = np.array([-1.0, 0, 0, 0, 0, 0])
+    return Question(grasp, goal, False, base * push, along * push, 0.0, True, {}, np.inf, ())
+
+
+def pressed(force: float) -> State:
+    none = np.zeros(0)
+    return State(np.array([-force, 0, 0, 0, 0, 0]), none, np.array([force, 0, 0]), none, none, none, np.zeros(1))
+
+
+def test_an_arc_from_rest_without_a_load_has_multiples_of_its_last_state() -> None:
+    assert replayed(asked(0, 2), Arc(0, 3, (pressed(0), pressed(6)))) == ("", 0)
+    assert replayed(asked(0, -2), Arc(0, 3, (pressed(0), pressed(0))))[1] == pytest.approx(1)  # nothing pulls
+    why, missed = replayed(asked(0, 2), Arc(0, 3, (pressed(0), pressed(6 + 3e-8))))  # 5e-9 of it
+    assert why.startswith("states from 0 to 3: ")
+    assert missed == pytest.approx(5e-9)
+
+
+@pytest.mark.parametrize(
+    "controls",
+    [
+        (pressed(0), pressed(9), pressed(6)),  # more than two
+        (pressed(1), pressed(6)),  # not from rest
+        (pressed(0), pressed(3), pressed(6)),
+    ],
+)
+def test_nothing_is_shown_of_other_arcs_from_no_load(controls: tuple[State, ...]) -> None:
+    assert replayed(asked(0, 2), Arc(0, 3, controls)) == ("there may be no load from 0 to 3", np.inf)
+
+
+def test_an_arc_from_a_load_does_not_begin_at_rest() -> None:
+    for q, first in ((asked(0, 1), 1.0), (asked(1, 1), 0.0), (asked(1, 1), 1.0)):
+        last = pressed(-q.wrench[0] + 3)
+        assert replayed(q, Arc(first, 3, (pressed(0), last)))[1] == pytest.approx(1)  # all of the first load
+
+
+def test_what_is_missed_along_an_arc_is_relative_to_its_least_load() -> None:
+    """From 1 + 1 N to 1 + 3 N."""
+    q = asked(1, 1)
+    assert replayed(q, Arc(1, 3, (pressed(2), pressed(4)))) == ("", 0)
+    why, missed = replayed(q, Arc(1, 3, (pressed(2), pressed(4 + 8e-9))))
+    assert why == "states from 1 to 3: (1), forces is missed by 4.0e-09 of load and commands, above 1e-09"
+    assert missed == pytest.approx(4e-9)
+
+
+def test_nothing_is_shown_where_the_load_passes_zero() -> None:
+    q = asked(2, -1)
+    assert replayed(q, Arc(0.5, 2, (pressed(1.5), pressed(0)))) == ("there may be no load from 0.5 to 2", np.inf)
+    assert replayed(q, Arc(0.5, 1.5, (pressed(1.5), pressed(0.5)))) == ("", 0)
+
+
+def test_the_smallest_scale_of_which_something_is_shown() -> None:
+    least = MIN_FORCE_SCALE
+    assert replayed(asked(0, least), Arc(0, 1, (pressed(0), pressed(least)))) == ("", 0)
+    assert replayed(asked(0, least), Arc(0, 0.5, (pressed(0), pressed(least / 2)))) == (TOO_SMALL, np.inf)
+    assert replayed(asked(least, least), Arc(0, 1, (pressed(least), pressed(2 * least)))) == ("", 0)
+    below = replayed(asked(least / 2, least), Arc(0, 1, (pressed(least / 2), pressed(1.5 * least))))
+    assert below == ("there may be no load from 0 to 1", np.inf)
+
+
+def test_an_arc_is_of_a_question_about_magnitudes() -> None:
+    assert replayed(asked(0, 1, CHECK), Arc(0, 1, (pressed(0), pressed(1))))[0].startswith("states from 0 to 1: ")
+
+
+# --- arcs in files ---------------------------------------------------------------------------------------------
+
+RIGHT = {"r": [-1, 0, 0, 0, 0, 0], "q": [], "c": [1, 0, 0], "f": [], "coupling": []}
+
+
+def test_an_arc_in_a_file() -> None:
+    read = read_arc(Fields({"first": 0, "last": 2, "controls": [RIGHT, RIGHT | {"c": [2, 0, 0]}]}, "arc"), asked(0, 1))
+    assert (read.first, read.last) == (0, 2)
+    np.testing.assert_array_equal(read.table("c"), [[1, 0, 0], [2, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"first": -1}, "a.arcs[3].first: is -1; 0 or more is needed"),
+        ({"more": 1}, "a.arcs[3].more: is not a known field; leave it out"),
+        ({"controls": [RIGHT, RIGHT | {"more": 1}]}, "a.arcs[3].controls[1].more: is not a known field; leave it out"),
+        ({"controls": [RIGHT]}, "a.arcs[3]: has 1 controls; 2 to 13 are possible"),
+        ({"last": 0}, "a.arcs[3]: goes from 0 to 0; a range of magnitudes is needed"),
+    ],
+)
+def test_faults_of_an_arc_name_their_field(change: dict[str, Any], words: str) -> None:
+    f = Fields({"first": 0, "last": 1, "controls": [RIGHT, RIGHT]} | change, "a.arcs[3]")
+    with pytest.raises(BadFile, match=f"^{re.escape(words)}$"):
+        read_arc(f, asked(0, 1))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from fractions import Fraction
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -9,8 +12,17 @@ import pytest
 
 from handfast.core.arrays import Array
 from handfast.proofs.fields import BadFile, Fields
-from handfast.proofs.intervals import Interval
-from handfast.proofs.regions import MAX_PATCH_DEGREE, ContactSide, read_region
+from handfast.proofs.intervals import Dual, Interval
+from handfast.proofs.regions import (
+    MAX_PATCH_DEGREE,
+    PARAMETER_RANGE,
+    ContactSide,
+    _blossoms,
+    _hull,
+    _narrowed,
+    _weights,
+    read_region,
+)
 
 
 def bent(rows: int, columns: int, seed: int) -> list[Any]:
@@ -146,3 +158,251 @@ def test_patches_have_two_points_and_no_more_than_are_possible(rows: int, column
     else:
         with pytest.raises(BadFile, match="points; 2 x 2 to"):
             read_region(points)
+
+
+# --- one by one ---------------------------------------------------------------------------------------------
+
+CAP = {"center": [0.1, 0.2, 0], "radius": 0.02, "axis": [0, 0, 2], "half_angle": 1.0}
+CYLINDER = {
+    "center": [0, 0, 0.1],
+    "axis": [0, 0, 3],
+    "x_axis": [1, 0, 0],
+    "angles": [0, np.pi / 2],
+    "heights": [0, 0.05],
+}
+CONE: dict[str, dict[str, Any]] = {"cone_side": CYLINDER | {"radii": [0.03, 0.01]}}
+FLAT: dict[str, Any] = {"bezier": [[[0, 0, 0], [0, 0.2, 0]], [[0.1, 0, 0], [0.1, 0.2, 0]]]}
+
+
+def surface(region: dict[str, Any], u: float, v: float, still: bool = False) -> list[Array]:
+    """(3,) point, normal and tangents of one region."""
+    at = ContactSide.of([read_region(Fields(region))], np.array([[0, 1]]), still=still).at(
+        Interval.of(np.array([[u, v]]))
+    )
+    return [part.value.mid[0, 0] for part in at]
+
+
+def test_a_cap_by_hand() -> None:
+    """About z, with the first axis e x a of the coordinate axis that a is least along: x x z = -y."""
+    s, t = 0.3, 0.4
+    direction = np.array([np.sin(s) * np.sin(t), -np.sin(s) * np.cos(t), np.cos(s)])
+    for flip, sign in ((False, 1), (True, -1)):
+        point, normal, first, second = surface({"cap": CAP, "flip": flip}, s, t)
+        assert point == pytest.approx(np.array([0.1, 0.2, 0]) + 0.02 * direction)
+        assert normal == pytest.approx(sign * direction)
+        assert first == pytest.approx([np.cos(s) * np.sin(t), -np.cos(s) * np.cos(t), -np.sin(s)])
+        assert second == pytest.approx([np.cos(t), np.sin(t), 0])
+    centre, axis, *others = surface({"cap": CAP, "flip": True}, s, t, still=True)
+    assert centre == pytest.approx([0.1, 0.2, 0])
+    assert all(those == pytest.approx([0, 0, 1]) for those in (axis, *others))
+
+
+def test_the_side_of_a_cylinder_by_hand() -> None:
+    """A third of a quarter turn, two fifths of 50 mm up."""
+    around = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0])
+    for flip, sign in ((False, 1), (True, -1)):
+        region = {"cylinder_side": CYLINDER | {"radius": 0.03}, "flip": flip}
+        point, normal, first, second = surface(region, 1 / 3, 0.4)
+        assert point == pytest.approx(0.03 * around + [0, 0, 0.12])
+        assert normal == pytest.approx(sign * around)
+        assert first == pytest.approx([-np.sin(np.pi / 6), np.cos(np.pi / 6), 0])
+        assert second == pytest.approx([0, 0, 1])
+
+
+def test_the_side_of_a_cone_by_hand() -> None:
+    """The radius falls from 30 to 10 mm over 50 mm: at two fifths it is 22 mm, the normal leans upwards by 2 : 5."""
+    around, up = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0]), np.array([0, 0, 1.0])
+    point, normal, _, second = surface(CONE, 1 / 3, 0.4)
+    assert point == pytest.approx(0.022 * around + [0, 0, 0.12])
+    assert normal == pytest.approx((5 * around + 2 * up) / np.sqrt(29))
+    assert second == pytest.approx((5 * up - 2 * around) / np.sqrt(29))
+    shifted = CONE["cone_side"] | {"angles": [np.pi / 6, np.pi / 2], "heights": [0.02, 0.05]}
+    point, normal, first, _ = surface({"cone_side": shifted}, 0.0, 0.0)
+    assert point == pytest.approx(0.03 * around + [0, 0, 0.12])
+    assert normal == pytest.approx((3 * around + 2 * up) / np.sqrt(13))
+    assert first == pytest.approx([-np.sin(np.pi / 6), np.cos(np.pi / 6), 0])
+
+
+def test_a_flat_patch_by_hand() -> None:
+    for flip, sign in ((False, 1), (True, -1)):
+        point, normal, first, second = surface(FLAT | {"flip": flip}, 0.25, 0.5)
+        assert point == pytest.approx([0.025, 0.1, 0])
+        assert normal == pytest.approx([0, 0, sign])
+        assert first == pytest.approx([0.1, 0, 0])
+        assert second == pytest.approx([0, 0.2, 0])
+
+
+def test_a_patch_of_degree_two_by_hand() -> None:
+    """x = 2 u (1 - u) + 3 u^2, y = v, z = u v."""
+    points = [[[x, v, u * v] for v in (0, 1)] for u, x in ((0, 0), (0.5, 1), (1, 3))]
+    u, v = 0.3, 0.6
+    point, normal, first, second = surface({"bezier": points}, u, v)
+    assert point == pytest.approx([2 * u * (1 - u) + 3 * u**2, v, u * v])
+    assert first == pytest.approx([2 + 2 * u, 0, v])
+    assert second == pytest.approx([0, 1, u])
+    assert normal == pytest.approx(
+        np.array([-v, -u * (2 + 2 * u), 2 + 2 * u]) / np.linalg.norm([v, u * (2 + 2 * u), 2 + 2 * u])
+    )
+
+
+@pytest.mark.parametrize("name", [*REGIONS, "cone"])
+def test_derivatives_are_those_of_what_is_there(name: str) -> None:
+    """By differences over 2e-6, of points, normals and tangents; no contact depends on another's parameters."""
+    regions: list[dict[str, Any]] = [CONE, {"cap": CAP, "flip": True}] if name == "cone" else REGIONS[name]
+    those, n = side(regions)
+    x = 0.1 + 0.8 * np.random.default_rng(4).random((1, n))
+    at = those.at(Interval.of(x))
+    for column in range(n):
+        k, step = column // 2, 1e-6 * np.eye(n)[column]
+        ends = [those.at(Interval.of(x + sign * step)) for sign in (-1, 1)]
+        for part, low, high in zip(at, *ends, strict=True):
+            change = (high.value.mid - low.value.mid)[0] / 2e-6
+            assert part.slope.mid[column % 2, 0, k] == pytest.approx(change[k], abs=2e-8)
+            assert (part.slope.hi - part.slope.lo < 1e-9).all()
+            assert not np.delete(change, k, axis=0).any()
+
+
+def test_contacts_are_in_their_order_whatever_their_kinds() -> None:
+    kinds: list[dict[str, Any]] = [
+        {"bezier": bent(4, 2, 2)},
+        {"cap": CAP},
+        {"bezier": bent(2, 4, 3)},
+        CONE,
+        {"bezier": bent(4, 2, 5)},
+    ]
+    those, n = side(kinds)
+    x = 0.1 + 0.8 * np.random.default_rng(5).random((3, n))
+    both = those.at(Interval.of(x)), those.over(Interval.between(x - 0.01, x + 0.01))
+    for k, region in enumerate(kinds):
+        alone, _ = side([region])
+        own = x[:, 2 * k : 2 * k + 2]
+        for one, its in zip(
+            both, (alone.at(Interval.of(own)), alone.over(Interval.between(own - 0.01, own + 0.01))), strict=True
+        ):
+            for a, b in zip(one, its, strict=True):
+                assert a.value.mid[:, k] == pytest.approx(b.value.mid[:, 0], abs=1e-12)
+                assert a.slope.mid[:, :, k] == pytest.approx(b.slope.mid[:, :, 0], abs=1e-12)
+
+
+def test_derivatives_are_spread_to_the_columns_of_each_contact() -> None:
+    """The second contact has no parameters."""
+    data = [read_region(Fields(FLAT))] * 3
+    those = ContactSide.of(data, np.array([[3, 1], [-1, -1], [0, 4]]), still=False)
+    given = Dual(Interval.of(np.ones((2, 3, 3))), Interval.of(np.arange(1.0, 37).reshape(2, 2, 3, 3)))
+    spread = those.spread(given, 5)
+    assert spread.value is given.value
+    wanted = np.zeros((5, 2, 3, 3))
+    for column, (i, k) in {3: (0, 0), 1: (1, 0), 0: (0, 2), 4: (1, 2)}.items():
+        wanted[column, :, k] = given.slope.mid[i, :, k]
+    assert spread.slope.mid.tolist() == wanted.tolist()
+    assert those.spread(given, 0).slope.shape == (0, 2, 3, 3)
+
+
+@pytest.mark.parametrize("degree", [9, 10])
+def test_patches_up_to_a_degree_are_narrowed(degree: int) -> None:
+    those, n = side([{"bezier": bent(degree + 1, 2, 7)}])
+    x = Interval.between(*boxes(n, 0.05))
+    narrow, wide = (of(x).normal.value for of in (those.over, those.at))
+    assert (np.median((narrow.hi - narrow.lo) / (wide.hi - wide.lo)) < 0.9) == (degree == 9)
+
+
+# --- bounds over boxes ------------------------------------------------------------------------------------------
+
+
+def test_the_hull_of_the_parts_of_boxes() -> None:
+    parts = Interval.between(*np.array([[[[1.0]], [[3]], [[-5]], [[0]]], [[[2.0]], [[4]], [[-4]], [[7]]]]))  # (4, 1, 1)
+    hull = _hull(parts, 2)
+    assert (hull.lo.ravel().tolist(), hull.hi.ravel().tolist()) == ([1, -5], [4, 7])
+
+
+@pytest.mark.parametrize(
+    ("value", "middle", "kept"),
+    [
+        ((-9, 9), 1.0, (-1.25, 3.25)),  # by 0.5 of 2 to 4, and by 0.25 of -1
+        ((-1, 9), 1.0, (-1, 3.25)),
+        ((-9, 2), 1.0, (-1.25, 2)),
+        ((np.nan, np.nan), 1.0, (-1.25, 3.25)),
+        ((-9, 9), np.nan, (-9, 9)),
+    ],
+)
+def test_values_over_a_box_are_those_in_its_middle_and_what_changes(
+    value: tuple[float, float], middle: float, kept: tuple[float, float]
+) -> None:
+    def one(lo: float, hi: float) -> Interval:
+        return Interval.between(np.full((1, 1, 3), lo), np.full((1, 1, 3), hi))
+
+    slope = Interval(np.stack([one(2, 4).ends, one(-1, -1).ends]))
+    away = Interval.between(*(sign * np.array([0.5, 0.25]).reshape(2, 1, 1, 1) for sign in (-1, 1)))
+    found = _narrowed(Dual(one(*value), slope), one(middle, middle), away)
+    for end, wanted in zip((found.value.lo, found.value.hi), kept, strict=True):
+        assert end == pytest.approx(np.full((1, 1, 3), wanted))
+    assert found.slope is slope
+
+
+def test_weights_of_the_control_points_of_a_part() -> None:
+    """From 1/4 to 3/4: of a line its ends, of a parabola (1 - u)^2, 2 u (1 - u), u^2 blossoms at both ends."""
+    low, high = (Interval.of(np.full((2, 1, 1), end)) for end in (0.25, 0.75))
+    constant, line, parabola = _blossoms(low, high, 2)
+    assert constant.mid[0, 0, 0].tolist() == [[1]]
+    assert line.mid[1, 0, 0] == pytest.approx(np.array([[0.75, 0.25], [0.25, 0.75]]))
+    assert parabola.mid[0, 0, 0] == pytest.approx(
+        np.array([[9 / 16, 6 / 16, 1 / 16], [3 / 16, 10 / 16, 3 / 16], [1 / 16, 6 / 16, 9 / 16]])
+    )
+
+
+@pytest.mark.parametrize(("degree", "wide"), [(3, False), (MAX_PATCH_DEGREE, True)])
+def test_binomials_are_enclosed(degree: int, wide: bool) -> None:
+    """Those of a high degree are no floating-point numbers."""
+    binomials, up, down = _weights((degree, 1), degree + 1)
+    low, high = (end[..., 0, 0] for end in (binomials.lo, binomials.hi))
+    for less in range(3):
+        for i in range(degree - less + 1):
+            assert Fraction(low[0, less, i]) <= comb(degree - less, i) <= Fraction(high[0, less, i])
+            assert (up[0, less, i], down[0, less, i]) == (i, degree - less - i)
+        assert (np.abs(high[0, less, degree - less + 1 :]) < 1e-200).all()
+    assert high[1, :, :2] == pytest.approx(np.array([[1, 1], [1, 0], [0, 0]]))
+    assert (low[0, :, 0] < high[0, :, 0]).any() == wide
+    assert (high <= low * (1 + 1e-15) + 1e-200).all()
+
+
+# --- in files -----------------------------------------------------------------------------------------------------
+
+
+def test_what_a_region_in_a_file_is() -> None:
+    cap = read_region(Fields({"cap": CAP, "flip": True}))
+    assert (cap.kind, cap.sign, cap.ball, cap.radius, cap.half_angle) == ("cap", -1, True, 0.02, 1.0)
+    assert cap.ends.tolist() == [[0, 1.0], [-PARAMETER_RANGE, PARAMETER_RANGE]]
+    for region in (FLAT, CONE, {"cylinder_side": CYLINDER | {"radius": 0.03}, "flip": False}):
+        other = read_region(Fields(region))
+        assert (other.sign, other.ball, other.ends.tolist()) == (1, False, [[0, 1], [0, 1]])
+    assert read_region(Fields({"cap": CAP | {"half_angle": np.pi}})).half_angle == np.pi
+    turn = {"cylinder_side": CYLINDER | {"radius": 0.03, "angles": [-1.0, -1.0 + 2 * np.pi]}}
+    assert read_region(Fields(turn)).numbers["angles"].tolist() == [-1.0, -1.0 + 2 * np.pi]
+
+
+@pytest.mark.parametrize(
+    ("region", "words"),
+    [
+        ({}, "r: exactly one of bezier, cap, cylinder_side, cone_side is needed"),
+        ({"cap": CAP} | CONE, "r: exactly one of bezier, cap, cylinder_side, cone_side is needed"),
+        ({"cap": CAP, "flip": 1}, "r.flip: is 1; true or false is needed"),
+        ({"cap": CAP, "more": 1}, "r.more: is not a known field; leave it out"),
+        ({"cap": CAP | {"more": 1}}, "r.cap.more: is not a known field; leave it out"),
+        (FLAT | {"more": 1}, "r.more: is not a known field; leave it out"),
+        ({"cap": CAP | {"half_angle": 4.0}}, "r.cap.half_angle: is 4; pi or less is needed [rad]"),
+        ({"cap": CAP | {"radius": -1}}, "r.cap.radius: is -1; it must be positive"),
+        ({"cone_side": CONE["cone_side"] | {"radii": [0.1, 0]}}, "r.cone_side.radii: has 0; radii are positive"),
+        (
+            {"cone_side": CONE["cone_side"] | {"heights": [1, 1]}},
+            "r.cone_side.heights: is [1, 1]; the lower one first, at most a full turn",
+        ),
+        (
+            {"cone_side": CONE["cone_side"] | {"angles": [0, 2 * np.pi * (1 + 1e-11)]}},
+            "r.cone_side.angles: is [0, 6.28319]; the lower one first, at most a full turn",
+        ),
+        ({"bezier": [[[0, 0, 0]] * 2]}, "r.bezier: has 1 x 2 points; 2 x 2 to 101 x 101 are possible"),
+    ],
+)
+def test_faults_of_regions_name_their_field(region: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadFile, match=f"^{re.escape(words)}$"):
+        read_region(Fields(region, "r"))

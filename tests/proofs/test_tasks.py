@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from handfast.model.hand.coupling import drivers
+from handfast.proofs import tasks
 from handfast.proofs.fields import BadFile
 from handfast.proofs.tasks import read_task
 from handfast.synthesis.embedded_task import task_to_dict
@@ -105,8 +106,13 @@ FAULTS: list[tuple[Callable[[Data], object], str]] = [
     (put(*HAND, "links", 2, "parent", to=2), "task.hand.links[2].parent: is 2; an earlier link is needed"),
     (put(*HAND, "links", 2, "parent", to=-1), "task.hand.links[2].parent: is -1; an earlier link"),
     (put(*HAND, "links", 0, "parent", to=0), "task.hand.links[0].parent: is 0; an earlier link"),
+    (put(*HAND, "links", 0, "parent", to=-2), "task.hand.links[0].parent: is -2; an earlier link"),
     (put(*HAND, "links", 2, "parent", to=True), "task.hand.links[2].parent: is True; an earlier link"),
     (put(*HAND, "links", 2, "joints", to=[99]), "task.hand.links: have joints that do not exist, or a joint twice"),
+    (
+        lambda d: d["hand"]["links"][2].update(joints=[len(d["hand"]["joints"])]),
+        "task.hand.links: have joints that do not exist, or a joint twice",
+    ),
     (put(*HAND, "links", 2, "joints", to=[-1]), "task.hand.links: have joints that do not exist, or a joint twice"),
     (put(*HAND, "links", 2, "joints", to=[0, 0]), "task.hand.links: have joints that do not exist, or a joint twice"),
     (put(*HAND, "links", 2, "joints", to=[0.5]), "task.hand.links: have joints that do not exist, or a joint twice"),
@@ -128,6 +134,8 @@ FAULTS: list[tuple[Callable[[Data], object], str]] = [
     (put(*HAND, "joints", 1, "axis", to=[0, 1]), "task.hand.joints[].axis: is no table of n x 3 numbers"),
     (put(*HAND, "joints", 1, "limits", to=[1, 0]), "task.hand.joints.ring_proximal.limits: is [1, 0]; the lower one"),
     (put(*HAND, "joints", 1, "name", to="ring_abduction"), "task.hand.joints: has a name twice"),
+    (put(*HAND, "couplings", 0, "more", to=1), "task.hand.couplings[0].more: is not a known field"),
+    (put(*HAND, "more", to=1), "task.hand.more: is not a known field"),
     (put(*HAND, "couplings", 0, "joint", to=99), "task.hand.couplings[0]: ties a joint that does not exist"),
     (put(*HAND, "couplings", 0, "leader", to=99), "task.hand.couplings[0]: ties a joint that does not exist"),
     (
@@ -142,6 +150,8 @@ FAULTS: list[tuple[Callable[[Data], object], str]] = [
     (lambda d: d["hand"]["couplings"].append(d["hand"]["couplings"][0]), "task.hand.couplings[4]: ties a joint that"),
     (lambda d: d["hand"]["couplings"][0].update(leader=d["hand"]["couplings"][0]["joint"]), "task.hand.couplings: tie"),
     (put("pose", "position", to=[]), "task.pose.position: is no list of three pairs"),
+    (put("pose", "position", 2, to=[2]), "task.pose.position: is no list of three pairs"),
+    (put("pose", "position", 2, to="12"), "task.pose.position: is no list of three pairs"),
     (put("pose", "position", 0, to=[2, 1]), "task.pose.position: is [2, 1]; the lower one comes first"),
     (put("pose", "position", 0, to=["a", 1]), "task.pose.position: is 'a'; a finite number is needed"),
     (put("pose", "axes", to=[[]]), "task.pose.axes: is no list of three"),
@@ -198,6 +208,43 @@ def test_joints_without_a_driver_do_not_move_with_each_other() -> None:
     assert [(c.driver, c.offset) for c in moving[at["index_distal"]]] == [(-1, 0.1)]
 
 
+def test_links_up_to_one_begin_at_the_base() -> None:
+    hand = read_task(embedded(pinch())).hand
+    assert hand.path(0) == [0]
+    for i, link in enumerate(hand.links[1:], 1):
+        assert hand.path(i) == [*hand.path(link.parent), i]
+    assert {link.parent for link in hand.links} > {0}
+
+
+def test_a_hand_without_joints() -> None:
+    data = embedded(pinch())
+    data["hand"] |= {"joints": [], "couplings": [], "links": [link | {"joints": []} for link in data["hand"]["links"]]}
+    task = read_task(data)
+    assert (task.hand.joints, task.free, task.moving) == ((), (), {})
+    assert (task.hand.revolute.shape, task.hand.revolute.dtype) == ((0,), np.bool_)
+
+
+def test_as_many_links_and_joints_as_are_possible(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = embedded(pinch())
+    most = max(len(data["hand"]["links"]), len(data["hand"]["joints"]))
+    monkeypatch.setattr(tasks, "MAX_TASK_PARTS", most)
+    read_task(data)
+    monkeypatch.setattr(tasks, "MAX_TASK_PARTS", most - 1)
+    with pytest.raises(BadFile, match=rf"has a name twice, or more than {most - 1}$"):
+        read_task(data)
+
+
+def test_as_many_contacts_as_are_possible(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = embedded(pinch())
+    most = len(data["hand"]["links"]) + 1
+    monkeypatch.setattr(tasks, "MAX_TASK_PARTS", most)
+    data["contacts"] = [data["contacts"][0]] * most
+    assert len(read_task(data).links) == most
+    data["contacts"] *= 2
+    with pytest.raises(BadFile, match=rf"^task.contacts: has {2 * most} entries; 1 to {most} are possible$"):
+        read_task(data)
+
+
 # --- where all joints are ---
 
 
@@ -223,3 +270,41 @@ def test_joints_beside_a_proof() -> None:
     assert said(ring_middle=0.5, ring_distal=0.5 + 1.1e-9) == "ring_distal does not follow its coupling"
     assert said(ring_middle=0.5) == "ring_distal does not follow its coupling"
     assert task.misplaced({}, proved).startswith("the joints are ring_abduction, ")
+
+
+def test_joints_may_be_off_by_the_tolerance_exactly() -> None:
+    task = read_task(embedded(pinch()))
+    good = dict.fromkeys(task.hand.joints, 0.1)
+    low, high = task.hand.limits[task.hand.joints.index("ring_proximal")].tolist()
+    for proved, joints in (
+        ({"index_proximal": 0.0}, {"index_proximal": 1e-9}),
+        ({}, {"ring_proximal": low - 1e-9}),
+        ({}, {"ring_proximal": high + 1e-9}),
+    ):
+        assert task.misplaced(good | joints, proved) == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(0.25, ""), (0.25 + 0.9e-9, ""), (0.25 + 1.1e-9, "does not"), (-0.25, "is beyond"), (0.3, "does not")],
+)
+def test_a_joint_that_nothing_drives_is_at_its_offset(value: float, words: str) -> None:
+    data = embedded(pinch())
+    names = [j["name"] for j in data["hand"]["joints"]]
+    data["hand"]["couplings"] = [{"joint": names.index("ring_distal"), "leader": -1, "ratio": 2.0, "offset": 0.25}]
+    task = read_task(data)
+    said = task.misplaced(dict.fromkeys(task.hand.joints, 0.1) | {"ring_distal": value}, {})
+    assert said.startswith(f"ring_distal {words}" if words else "")
+    assert bool(said) == bool(words)
+
+
+def test_a_coupling_may_be_missed_by_the_tolerance_exactly() -> None:
+    """A joint that follows 0, at 0: ring_distal's limits are widened to there."""
+    data = embedded(pinch())
+    names = [j["name"] for j in data["hand"]["joints"]]
+    k = names.index("ring_distal")
+    data["hand"]["joints"][k]["limits"] = [-1, 1]
+    data["hand"]["couplings"] = [{"joint": k, "leader": -1, "ratio": 1.0, "offset": 0.0}]
+    task = read_task(data)
+    for value, words in ((1e-9, ""), (-1e-9, ""), (np.nextafter(1e-9, 1), "ring_distal does not follow its coupling")):
+        assert task.misplaced(dict.fromkeys(task.hand.joints, 0.1) | {"ring_distal": value}, {}) == words

@@ -222,7 +222,6 @@ class _Contact:
         alive, kept, reach = narrowed_by(box, middle, value, here, slope, Interval.between(-tolerance, tolerance))
         inside = self.bounds.values(at)
         alive &= ~((inside.lo > self.bounds.upper) | (inside.hi < self.bounds.lower)).any(axis=1)
-        alive &= (box[..., 0] <= box[..., 1]).all(axis=1)
         return alive, np.where(alive[:, None, None], kept, box), (reach / self.unit).max(axis=2)
 
 

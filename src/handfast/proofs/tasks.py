@@ -129,11 +129,8 @@ class TaskData:
         for j, name in enumerate(hand.joints):
             if name in proved and not abs(joints[name] - proved[name]) <= JOINT_VALUE_TOLERANCE:
                 return f"{name} is not at the value that is proved"
-            if (
-                not hand.limits[j, 0] - JOINT_VALUE_TOLERANCE
-                <= joints[name]
-                <= hand.limits[j, 1] + JOINT_VALUE_TOLERANCE
-            ):
+            lower, upper = hand.limits[j].tolist()
+            if not lower - JOINT_VALUE_TOLERANCE <= joints[name] <= upper + JOINT_VALUE_TOLERANCE:
                 return f"{name} is beyond its limits"
             if (c := hand.couplings.get(j)) is not None:
                 driver = joints[hand.joints[c.driver]] if c.driver >= 0 else 0.0
