@@ -48,7 +48,8 @@ def main(module: str, folder: str, names: str) -> None:
     """Write the object files of the library that a module declares: for each baseline one, with its name."""
     gc.set_threshold(200_000)  # numba makes millions of objects and keeps them: to look through them takes an eighth
     OPTIONS["pipeline_class"] = _Compiler  # of the functions that are declared from here on
-    Dispatcher.get_call_template = _of_any_constant  # type: ignore[method-assign]
+    dispatcher: Any = Dispatcher
+    dispatcher.get_call_template = _of_any_constant
     library: Library = import_module(module).LIBRARY
     baselines = [x for x in BASELINES if x.name in names.split()]
     for baseline, code in zip(baselines, compiled(library, baselines), strict=True):
