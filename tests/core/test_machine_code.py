@@ -97,6 +97,19 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
     return make
 
 
+def test_a_function_is_compiled_once_for_all_constants_that_it_is_given() -> None:
+    """Numba would do it once for each: here for 1 and (0.5, 1), and for 2 and (0.5, 2)."""
+    numba = pytest.importorskip("numba")
+    from handfast.core.compiler import _of_any_constant
+
+    types, chosen = numba.types, numba.njit(lambda number, pair: number + pair[1])
+    for number in map(types.literal, (1, 2)):
+        _of_any_constant(chosen, (number, types.Tuple([types.float64, number])), {})
+    assert chosen.signatures == [(types.int64, types.Tuple([types.float64, types.int64]))]
+    _of_any_constant(chosen, (types.literal(3),), {"pair": types.Tuple([types.float64, types.literal(4)])})
+    assert len(chosen.signatures) == 1
+
+
 @pytest.mark.slow
 def test_a_library_computes_what_its_functions_say(toy: Toy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # settings of numba do not count
