@@ -313,6 +313,8 @@ def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_grou
     groups = _groups(leaves, size)
     assert [sorted(set(size[group].tolist())) for group in groups] == [[4, 5], [20]]
     assert sorted(np.concatenate(groups).tolist()) == sorted(leaves.tolist())
+    few = np.array(100 * [4] + [20, 30])  # 30^3 - 20^3 is less than a group costs, 100 times as much is more
+    assert [sorted(set(few[group].tolist())) for group in _groups(np.arange(102), few)] == [[4], [20, 30]]
     assert [len(group) for group in _groups(np.arange(300), np.full(300, 7))] == [CHUNK, CHUNK, 300 - 2 * CHUNK]
     assert _groups(leaves[:0], size) == []
 
