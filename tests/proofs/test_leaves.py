@@ -16,7 +16,7 @@ from handfast.proofs.cases import CLOSED, HALF_TURN, LOCKED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
 from handfast.proofs.equations import ENTRY_ROUNDING, RightSide, equations_of
-from handfast.proofs.fields import Array, Mask
+from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.grasp import StartData
 from handfast.proofs.kinds import Row
 from handfast.proofs.leaves import (
@@ -275,15 +275,21 @@ def test_what_floats_prove_of_rows_by_chance_rational_numbers_prove(family, at_l
         assert cap == np.inf
 
 
+def quickly_proved(seed: int, family: str) -> tuple[LeafSystems, Integers, Integers, Mask]:
+    """Leaves; which of them floats prove; how many rows each uses; have the proved ones one more than unknowns?"""
+    found = systems(seed, family, either=True)
+    with np.errstate(all="ignore"):
+        proved = np.flatnonzero(found.proved(quick=True)[0] > 0)
+    many = found._summed(found.used.astype(np.int64)) + found.used_E.sum(axis=1)
+    return found, proved, many, many[proved] - 1 == found.alive[proved].sum(axis=1)
+
+
 def test_what_counting_does_not_show_places_of_entries_may() -> None:
     """Where rows are no more than the rank by counting, a leaf is proved by the rank that its entries' places allow."""
     shown = 0
     for seed in range(8):
-        found = systems(seed, "geared", either=True)
-        with np.errstate(all="ignore"):
-            proved = np.flatnonzero(found.proved(quick=True)[0] > 0)
-        many = found._summed(found.used.astype(np.int64)) + found.used_E.sum(axis=1)
-        ragged = proved[many[proved] - 1 != found.alive[proved].sum(axis=1)]
+        found, proved, many, square = quickly_proved(seed, "geared")
+        ragged = proved[~square]
         shown += (found._most_ranks(ragged).sum(axis=1) >= many[ragged]).sum()
     assert shown
 
@@ -292,12 +298,8 @@ def test_square_systems_without_an_inverse_are_tried_again_with_the_rank_that_is
     """As many unknowns as rows but one, whose rank is lower since two contacts do not keep an object from turning."""
     shown = 0
     for seed in range(4):
-        found = systems(seed, "any", either=True)
-        with np.errstate(all="ignore"):
-            proved = np.flatnonzero(found.proved(quick=True)[0] > 0)
-        many = found._summed(found.used.astype(np.int64)) + found.used_E.sum(axis=1)
-        square = proved[many[proved] - 1 == found.alive[proved].sum(axis=1)]
-        filled = square[found.more[:, square].any(axis=0)]
+        found, proved, _, square = quickly_proved(seed, "any")
+        filled = proved[square & found.more[:, proved].any(axis=0)]
         motions = np.arange(found.equations.columns.n) < found.equations.columns.motions
         for leaf in filled.tolist():
             lower = rank(found, leaf, motions) + rank(found, leaf, ~motions)
