@@ -37,6 +37,7 @@ from benchmarks.grasps import presses, random_case
 from benchmarks.machine import describe
 from handfast.core.arrays import Array, Indices
 from handfast.model.grasp import Grasp
+from handfast.proofs import kinds
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.objective import SMALLEST_PRELOAD
 from handfast.stability.search import arrays, rows
@@ -50,7 +51,7 @@ DEPTHS = range(4, 11)
 NODES = 5_000  # of a tree; a grasp with more is left out
 SURE = 1e-3  # what a bound on a normal force gives up: more than the solver is off by
 SMALL = 1e-9  # multipliers over the largest below which a row is not cited
-EVERYWHERE = {rows.CN_UP, rows.TANGENT, rows.GAP_UP, rows.T_UP}  # kinds of rows that hold in every state
+EVERYWHERE = {kinds.CN_UP, kinds.TANGENT, kinds.GAP_UP, kinds.T_UP}  # kinds of rows that hold in every state
 ENOUGH = -1  # a need: the contact is closed
 Need = tuple[int, ...]
 Clause = dict[int, Need]
@@ -131,15 +132,15 @@ class Tree:
         out: Clause = {}
         for name in ids[y > SMALL * y.max()].tolist():
             kind, index = name >> rows.KIND_SHIFT, (name >> rows.INDEX) & 255
-            if kind in EVERYWHERE or kind in (rows.ENERGY, rows.BOX_UP, rows.BOX_DOWN):
+            if kind in EVERYWHERE or kind in (kinds.ENERGY, rows.BOX_UP, rows.BOX_DOWN):
                 continue
-            if rows.PLAIN_UP <= kind <= rows.PLAIN_DOWN:
+            if kinds.BOUND_UP <= kind <= kinds.BOUND_DOWN:
                 continue
-            of_actuator = rows.T_UP <= kind <= rows.S_UP or kind == rows.S_DOWN
+            of_actuator = kinds.T_UP <= kind <= kinds.S_UP or kind == kinds.S_DOWN
             part = self.m + index if of_actuator else index
-            if kind == rows.GAP_DOWN:
+            if kind == kinds.GAP_DOWN:
                 out.setdefault(part, (ENOUGH,))
-            elif not (of_actuator and self.state(leaf, part) == (rows.FREE,)):
+            elif not (of_actuator and self.state(leaf, part) == (kinds.FREE,)):
                 out[part] = self.state(leaf, part)
         return out
 
@@ -156,7 +157,7 @@ class Tree:
                     if part != split and out[k].get(part, (ENOUGH,)) == (ENOUGH,):
                         out[k][part] = need
             whole = self.state(k, split)
-            if whole[0] not in (rows.UNDECIDED, rows.FREE):
+            if whole[0] not in (kinds.UNDECIDED, kinds.FREE):
                 out[k][split] = whole
         return out
 
@@ -189,11 +190,11 @@ class Tree:
 def within(state: Need, need: Need) -> bool:
     """Does what is known of a part say all that is needed?"""
     if need == (ENOUGH,):
-        return state[0] in (rows.CLOSED, rows.STICK, rows.SLIDE)
+        return state[0] in (kinds.CLOSED, kinds.STICK, kinds.SLIDE)
     if len(need) == 1 or state[0] != need[0]:
         return state == need
     wide, inner = need[2] - need[1], state[2] - state[1]
-    return wide == 0 or (inner > 0 and (state[1] - need[1]) % rows.TURN_DIRECTIONS + inner <= wide)
+    return wide == 0 or (inner > 0 and (state[1] - need[1]) % kinds.TURN_DIRECTIONS + inner <= wide)
 
 
 # --- cone programs ------------------------------------------------------------------------------
@@ -237,23 +238,23 @@ class ConeProgram:
         dn, dt = self.d(3 * i), (self.d(3 * i + 1), self.d(3 * i + 2))
         self.cones.append((np.stack([mu * cn[0], ct[0][0], ct[1][0]]), np.array([mu * cn[1], ct[0][1], ct[1][1]])))
         self.cones.append((np.stack([self.u(i), dt[0][0], dt[1][0]]), np.array([0.0, dt[0][1], dt[1][1]])))
-        if state == rows.OPEN:
+        if state == kinds.OPEN:
             for x in (cn, *ct):
                 self.is_equal((1.0, x))
             self.at_least((1.0, dn))
             return
-        (self.at_least if state == rows.UNDECIDED else self.is_equal)((1.0, cn), (1.0, dn))
-        if state == rows.STICK:
+        (self.at_least if state == kinds.UNDECIDED else self.is_equal)((1.0, cn), (1.0, dn))
+        if state == kinds.STICK:
             for x in dt:
                 self.is_equal((1.0, x))
         if right > left:
             (xa, ya), (xb, yb) = (
-                (np.cos(t), np.sin(t)) for t in np.array([left, right]) * 2 * np.pi / rows.TURN_DIRECTIONS
+                (np.cos(t), np.sin(t)) for t in np.array([left, right]) * 2 * np.pi / kinds.TURN_DIRECTIONS
             )
             for sign, (one, two) in ((1.0, ct), (-1.0, dt)):
                 self.at_least((-sign * ya, one), (sign * xa, two))
                 self.at_least((sign * yb, one), (-sign * xb, two))
-            if state == rows.SLIDE:
+            if state == kinds.SLIDE:
                 h = 1.0 + xa * xb + ya * yb
                 self.at_least((xa + xb, ct[0]), (ya + yb, ct[1]), (-mu * h, cn))
 
@@ -264,8 +265,8 @@ class ConeProgram:
                 self.d(3 * self.m + j),
                 self.c(3 * self.m + 2 * j),
             )
-            (self.is_equal if state == rows.LOCKED else self.at_least)((1.0, t))
-            (self.is_equal if state == rows.MOVES else self.at_least)((1.0, slack))
+            (self.is_equal if state == kinds.LOCKED else self.at_least)((1.0, t))
+            (self.is_equal if state == kinds.MOVES else self.at_least)((1.0, slack))
 
     def _plain(self) -> None:
         objective = self.c(3 * self.m + 2 * self.a)

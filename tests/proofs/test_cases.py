@@ -5,25 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import (
+from handfast.proofs.cases import HALF_TURN, MAX_PATCH, BadCertificate, contains, leaf_cases
+from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
     CLOSED,
     FREE,
-    HALF_TURN,
     HIGH,
     LOCKED,
     LOW,
-    MAX_PATCH,
     MOVES,
     OPEN,
     SLIDE,
     STICK,
     TURN_DIRECTIONS,
     UNDECIDED,
-    BadCertificate,
-    contains,
-    leaf_cases,
 )
 from handfast.proofs.question import Question
 from tests.support.proof_states import contact, pinch, question

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import CLOSED, OPEN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import checked_rows, verify
+from handfast.proofs.kinds import CLOSED, OPEN, Row
 from handfast.proofs.question import LARGEST_GOAL
-from handfast.proofs.rows import Columns, Row
+from handfast.proofs.rows import Columns
 from tests.support.proof_certificates import LEAVES, NODES, proof, walls
 from tests.support.proof_states import contact, pinch, question
 

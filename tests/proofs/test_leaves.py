@@ -12,13 +12,13 @@ import pytest
 from flint import fmpq_mat
 
 from handfast.proofs import leaves
-from handfast.proofs.cases import CLOSED, HALF_TURN, LOCKED, OPEN
+from handfast.proofs.cases import HALF_TURN
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
 from handfast.proofs.equations import ENTRY_ROUNDING, RightSide, equations_of
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.grasp import StartData
-from handfast.proofs.kinds import Row
+from handfast.proofs.kinds import CLOSED, LOCKED, OPEN, Row
 from handfast.proofs.leaves import (
     CHUNK,
     CitedRows,

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import (
+from handfast.proofs.cases import HALF_TURN
+from handfast.proofs.equations import equations_of
+from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
     CLOSED,
+    CONE_WIDENING,
     FREE,
-    HALF_TURN,
     HIGH,
     LOCKED,
     LOW,
@@ -18,16 +20,14 @@ from handfast.proofs.cases import (
     OPEN,
     SLIDE,
     STICK,
+    TURN_DIRECTIONS,
     UNDECIDED,
 )
-from handfast.proofs.equations import equations_of
 from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES
 from handfast.proofs.rows import (
-    CONE_WIDENING,
     MAX_CHORD_SECTOR,
     OF_ACTUATOR,
     OF_CONTACT,
-    TURN_DIRECTIONS,
     Columns,
     LeafRows,
     Row,

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.proofs.cases import CLOSED, OPEN
 from handfast.proofs.certificate import Certificate
+from handfast.proofs.kinds import CLOSED, OPEN, TURN_DIRECTIONS, Row
 from handfast.proofs.question import Question
-from handfast.proofs.rows import TURN_DIRECTIONS, Row
 from tests.support.proof_states import contact, question
 
 UP = TURN_DIRECTIONS // 4  # the direction of +c_t2, which is -y at both walls

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.cases import (
+from handfast.proofs.cases import HALF_TURN
+from handfast.proofs.grasp import read_grasp
+from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
     CLOSED,
     FREE,
-    HALF_TURN,
     HIGH,
     LOCKED,
     LOW,
@@ -24,11 +25,11 @@ from handfast.proofs.cases import (
     OPEN,
     SLIDE,
     STICK,
+    TURN_DIRECTIONS,
     UNDECIDED,
 )
-from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES, Question, read_question
-from handfast.proofs.rows import TURN_DIRECTIONS, Columns
+from handfast.proofs.rows import Columns
 
 KINDS = "open", "stick", "slide"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from handfast.core.compiled import inner
+from handfast.proofs import kinds
 from handfast.stability.search import rows
 from handfast.stability.search.kernel import newton, simplex, tree
 from handfast.stability.search.kernel.patch import patch
@@ -25,7 +26,7 @@ def solved(question, counted, node, work, points, cone):
 
 @inner
 def balanced(question, balance):
-    id = rows.ENERGY << rows.KIND_SHIFT
+    id = kinds.ENERGY << rows.KIND_SHIFT
     balance.rhs[0] = row(id, question, balance.hi, balance.data, balance.row, balance.gradient)
     return 0
 

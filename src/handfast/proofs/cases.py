@@ -17,13 +17,26 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.kinds import TURN_DIRECTIONS, ActuatorState, ContactState
+from handfast.proofs.kinds import (
+    ABOVE,
+    BELOW,
+    CLOSED,
+    FREE,
+    HIGH,
+    LOCKED,
+    LOW,
+    MOVES,
+    OPEN,
+    SLIDE,
+    STICK,
+    TURN_DIRECTIONS,
+    UNDECIDED,
+    ActuatorState,
+    ContactState,
+)
 from handfast.proofs.question import Question
 
 HALF_TURN = TURN_DIRECTIONS // 2  # a sector is narrower than this
-# plain integers, as arrays are compared with these five times as quickly
-UNDECIDED, OPEN, CLOSED, STICK, SLIDE = map(int, ContactState)
-FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = map(int, ActuatorState)
 STATES = max(len(ContactState), len(ActuatorState))
 DECIDED = "it is decided already, or cannot move"
 MIN_PATCH, MAX_PATCH = 8, 2**31 - 1  # numbers of patches

@@ -16,8 +16,9 @@ from handfast.proofs.cases import BadCertificate, leaf_cases
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
+from handfast.proofs.kinds import Row
 from handfast.proofs.leaves import CitedRows, Late, LeafSystems, in_time
-from handfast.proofs.rows import Columns, LeafRows, Row, zeros
+from handfast.proofs.rows import Columns, LeafRows, zeros
 from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL
 
 LEAF_BATCH = 256  # leaves whose rows are in memory at a time

@@ -15,23 +15,54 @@ from itertools import pairwise
 
 import numpy as np
 
-from handfast.proofs.cases import (
+from handfast.proofs.cases import HALF_TURN, contains, patch
+from handfast.proofs.fields import Array, Integers, Mask
+from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
+    BOUND_DOWN,
+    BOUND_UP,
+    C_LEFT,
+    C_RIGHT,
+    C_SIDE,
+    CHORD,
     CLOSED,
-    HALF_TURN,
+    CN_DOWN,
+    CN_UP,
+    CONE_WIDENING,
+    D_LEFT,
+    D_RIGHT,
+    D_SIDE,
+    DN_UP,
+    E_DOWN,
+    E_UP,
+    ENERGY,
+    GAP_DOWN,
+    GAP_UP,
     HIGH,
     LOCKED,
     LOW,
     MOVES,
     OPEN,
+    S_DOWN,
+    S_UP,
     SLIDE,
+    SOFT_CHORD,
+    SOFT_TANGENT,
     STICK,
-    contains,
-    patch,
+    STILL_1_DOWN,
+    STILL_1_UP,
+    STILL_2_DOWN,
+    STILL_2_UP,
+    T_DOWN,
+    T_UP,
+    TANGENT,
+    TURN_DIRECTIONS,
+    TURN_DOWN,
+    TURN_UP,
+    ActuatorState,
+    Row,
 )
-from handfast.proofs.fields import Array, Integers, Mask
-from handfast.proofs.kinds import CONE_WIDENING, TURN_DIRECTIONS, ActuatorState, Row
 from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, Range
 from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, load_scale
 
@@ -39,12 +70,6 @@ MAX_CHORD_SECTOR = (
     HALF_TURN - TURN_DIRECTIONS // 128
 )  # of a sector whose chord is used: nearly half a turn, it would say nothing
 
-# plain integers, as arrays are compared with these five times as quickly
-(
-    CN_UP, CN_DOWN, GAP_UP, GAP_DOWN, DN_UP, TANGENT, CHORD, C_LEFT, C_RIGHT, D_LEFT, D_RIGHT, STILL_1_UP,
-    STILL_1_DOWN, STILL_2_UP, STILL_2_DOWN, T_UP, T_DOWN, E_UP, E_DOWN, S_UP, BOUND_UP, BOUND_DOWN, ENERGY,
-    SOFT_TANGENT, SOFT_CHORD, C_SIDE, D_SIDE, TURN_UP, TURN_DOWN, S_DOWN,
-) = map(int, Row)  # fmt: skip
 ROW_KINDS = frozenset(map(int, Row))
 OF_CONTACT = np.isin(np.arange(32), [k for k in ROW_KINDS if k <= STILL_2_DOWN or ENERGY < k < S_DOWN])
 OF_ACTUATOR = np.isin(np.arange(32), [*range(T_UP, BOUND_UP), S_DOWN])

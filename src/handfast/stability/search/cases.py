@@ -10,16 +10,14 @@ import itertools
 import numpy as np
 
 from handfast.core.arrays import Indices, Mask
-from handfast.stability.search.rows import (
+from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
     CLOSED,
-    FINEST_PATCH,
     FREE,
     HIGH,
     LOCKED,
     LOW,
-    MIN_SECTOR_WIDTH,
     MOVES,
     OPEN,
     SLIDE,
@@ -27,6 +25,7 @@ from handfast.stability.search.rows import (
     TURN_DIRECTIONS,
     UNDECIDED,
 )
+from handfast.stability.search.rows import FINEST_PATCH, MIN_SECTOR_WIDTH
 
 REST_STATES = {FREE: LOCKED, BELOW: LOW, ABOVE: HIGH}  # of actuators that are not decided: the case besides MOVES
 

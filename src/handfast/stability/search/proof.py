@@ -11,7 +11,7 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array, Indices
-from handfast.proofs import checker
+from handfast.proofs import checker, kinds
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.rows import Columns
 from handfast.stability.problem.bound_problem import BoundProblem
@@ -128,7 +128,7 @@ class Proof:
     def _named(self, c: Certificate) -> list[bytes]:
         """What is claimed of each leaf, and its ray."""
         states = self.pool.states[self.pool.status == arrays.EMPTY]
-        energy = np.where(c.kind == rows.ENERGY, c.index, -1)
+        energy = np.where(c.kind == kinds.ENERGY, c.index, -1)
         points = np.where(energy[:, None] >= 0, c.references[energy], 0.0) if len(c.references) else energy[:, None]
         of_rows = np.column_stack([c.kind, c.index, c.a, c.b, points, np.asarray(c.multiplier, dtype=np.float64)])
         ends = pairwise(c.start.tolist())
@@ -158,23 +158,23 @@ class Proof:
         box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
         index = (ids >> rows.INDEX) & 255
         of_motion = np.array([*(name == "motion" for name, _ in r.names), False])[np.minimum(index, len(r.names))]
-        plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
+        plain = (kind == kinds.BOUND_UP) | (kind == kinds.BOUND_DOWN)
         used = (y > 0) & ~box & ~(plain & of_motion)  # the checker has bounds of its own, or none
         start = np.r_[0, np.cumsum(used.sum(axis=1))]
         ids, kind, index, y = ids[used], kind[used], index[used], y[used]
-        a, b = (ids >> rows.ANGLE) & (2 * rows.TURN_DIRECTIONS - 1), ids & (2 * rows.TURN_DIRECTIONS - 1)
+        a, b = (ids >> rows.ANGLE) & (2 * kinds.TURN_DIRECTIONS - 1), ids & (2 * kinds.TURN_DIRECTIONS - 1)
 
         # a scaled row is the row in the grasp's units over the force scale, times these
         arms = p.command_units / p.force
-        actuator = ((kind >= rows.T_UP) & (kind <= rows.S_UP)) | (kind == rows.S_DOWN)
+        actuator = ((kind >= kinds.T_UP) & (kind <= kinds.S_UP)) | (kind == kinds.S_DOWN)
         if actuator.any():
             moved = r.active[index[actuator]]
             of = kind[actuator]
             effort = p.force / r.scale
-            forces = np.where(of <= rows.E_DOWN, 1 / arms[moved], effort)
-            y[actuator] *= np.where(of <= rows.T_DOWN, arms[moved], forces)
+            forces = np.where(of <= kinds.E_DOWN, 1 / arms[moved], effort)
+            y[actuator] *= np.where(of <= kinds.T_DOWN, arms[moved], forces)
             index[actuator] = moved
-        energy = kind == rows.ENERGY
+        energy = kind == kinds.ENERGY
         nodes, index[energy] = np.unique(ids[energy] & rows.NODE, return_inverse=True)
         a[energy] = b[energy] = 0
         y[energy] /= force
@@ -195,13 +195,13 @@ class Proof:
                 columns[k], factors[k] = at.f.start + i, 1 / arms[i]
             elif name == "effort":
                 columns[k], factors[k] = at.e.start + i, p.force / r.scale
-        plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
+        plain = (kind == kinds.BOUND_UP) | (kind == kinds.BOUND_DOWN)
         if r.goal.maximised:
             flip = plain & (index == 0)
         y[plain] *= factors[index[plain]]
         index[plain] = columns[index[plain]]
-        kind = np.where(flip, rows.PLAIN_UP + rows.PLAIN_DOWN - kind, kind)
-        patched = (kind == rows.SOFT_CHORD) | (kind == rows.C_SIDE) | (kind == rows.D_SIDE)
+        kind = np.where(flip, kinds.BOUND_UP + kinds.BOUND_DOWN - kind, kind)
+        patched = (kind == kinds.SOFT_CHORD) | (kind == kinds.C_SIDE) | (kind == kinds.D_SIDE)
         a[patched], b[patched] = ids[patched] & ((1 << rows.SIDE_SHIFT) - 1), (ids[patched] >> rows.SIDE_SHIFT) & 3
         return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}
 

@@ -21,30 +21,8 @@ it is sum c_n^2 + before c_n.
 
 from __future__ import annotations
 
-from handfast.proofs.kinds import CONE_WIDENING as CONE_WIDENING
-from handfast.proofs.kinds import TURN_DIRECTIONS as TURN_DIRECTIONS
-from handfast.proofs.kinds import ActuatorState, ContactState, Row
-
-# kinds of rows, as plain numbers for compiled code
-CN_UP, CN_DOWN, GAP_UP, GAP_DOWN = int(Row.CN_UP), int(Row.CN_DOWN), int(Row.GAP_UP), int(Row.GAP_DOWN)
-DN_UP, TANGENT, CHORD = int(Row.DN_UP), int(Row.TANGENT), int(Row.CHORD)
-C_LEFT, C_RIGHT, D_LEFT, D_RIGHT = int(Row.C_LEFT), int(Row.C_RIGHT), int(Row.D_LEFT), int(Row.D_RIGHT)
-STILL_ROW = int(Row.STILL_1_UP)  # to 3 more: +d_t1, -d_t1, +d_t2, -d_t2
-T_UP, T_DOWN, E_UP, E_DOWN = int(Row.T_UP), int(Row.T_DOWN), int(Row.E_UP), int(Row.E_DOWN)
-S_UP, S_DOWN = int(Row.S_UP), int(Row.S_DOWN)
-PLAIN_UP, PLAIN_DOWN = int(Row.BOUND_UP), int(Row.BOUND_DOWN)
-BOX_UP, BOX_DOWN = 22, 23  # bounds of a search's own, which no certificate may cite
-ENERGY = int(Row.ENERGY)  # of the node whose number, within the mask NODE, takes the place of the angles
-
-# of soft fingers, c_t and torsion together; two angles, a patch, or a patch and its side; +turning, -turning
-SOFT_TANGENT, SOFT_CHORD, C_SIDE = int(Row.SOFT_TANGENT), int(Row.SOFT_CHORD), int(Row.C_SIDE)
-D_SIDE, TURN_UP, TURN_DOWN = int(Row.D_SIDE), int(Row.TURN_UP), int(Row.TURN_DOWN)
-SIDE_SHIFT = 40  # place of the side in an id, whose patch is below it
-
-# what a contact is in a node, and an actuator
-UNDECIDED, OPEN, CLOSED, STICK, SLIDE = (int(x) for x in ContactState)
-FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE = (int(x) for x in ActuatorState)
-
+BOX_UP, BOX_DOWN = 22, 23  # kinds of bounds of a search's own, which no certificate may cite
+SIDE_SHIFT = 40  # place of the side of a soft finger's patch in an id, whose patch is below it
 MIN_SECTOR_WIDTH = 64  # sectors that are no wider than this, in grid steps, stay as they are,
 FINEST_PATCH = 1 << 30  # and so do patches of soft fingers from this number on
 KIND_SHIFT, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0

@@ -20,6 +20,7 @@ from handfast.core.answer import Stop
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import Block, table
 from handfast.core.libraries import deferred_interrupt
+from handfast.proofs import kinds
 from handfast.stability.search import arrays, cases, rows
 from handfast.stability.search.arrays import (
     CHILDREN,
@@ -263,7 +264,7 @@ class Search:
         real = self._real()
         pool, number = Pool._make(a[: self.used][real] for a in self.pool), np.cumsum(real) - 1
         pool.parent[1:] = number[pool.parent[1:]]
-        named = (pool.ids >> rows.KIND_SHIFT == rows.ENERGY) & (pool.status == arrays.EMPTY)[:, None]  # after a node
+        named = (pool.ids >> rows.KIND_SHIFT == kinds.ENERGY) & (pool.status == arrays.EMPTY)[:, None]  # after a node
         old = pool.ids[named] & rows.NODE
         pool.ids[named] += number[old] - old
         self.pool, self._pool_table, self.used = pool, None, len(pool.parent)

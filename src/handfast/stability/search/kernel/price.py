@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner, larger
-from handfast.stability.search.kernel.patch import MIDDLE, REACH, patch
-from handfast.stability.search.rows import (
+from handfast.proofs.kinds import (
     ABOVE,
-    ANGLE,
     BELOW,
+    BOUND_DOWN,
+    BOUND_UP,
     C_LEFT,
     C_RIGHT,
     C_SIDE,
@@ -26,22 +26,17 @@ from handfast.stability.search.rows import (
     GAP_DOWN,
     GAP_UP,
     HIGH,
-    INDEX,
-    KIND_SHIFT,
     LOCKED,
     LOW,
     MOVES,
     OPEN,
-    PLAIN_DOWN,
-    PLAIN_UP,
     S_DOWN,
     S_UP,
-    SIDE_SHIFT,
     SLIDE,
     SOFT_CHORD,
     SOFT_TANGENT,
     STICK,
-    STILL_ROW,
+    STILL_1_UP,
     T_DOWN,
     T_UP,
     TANGENT,
@@ -49,6 +44,8 @@ from handfast.stability.search.rows import (
     TURN_DOWN,
     TURN_UP,
 )
+from handfast.stability.search.kernel.patch import MIDDLE, REACH, patch
+from handfast.stability.search.rows import ANGLE, INDEX, KIND_SHIFT, SIDE_SHIFT
 
 ROW_TOLERANCE = 1e-9  # a row that is violated by less is met
 
@@ -171,7 +168,7 @@ def contact(i, question, node, c, d, loose, worst, found):
             x = larger(abs(d1), abs(d2))
             if x > worst:
                 worst = x
-                kind = STILL_ROW + (0 if abs(d1) == x else 2)
+                kind = STILL_1_UP + (0 if abs(d1) == x else 2)
                 kind += 1 if (d1 if abs(d1) == x else d2) > 0.0 else 0
                 found = here | (kind << KIND_SHIFT)
     return worst, found
@@ -300,8 +297,8 @@ def plain(k, question, hi, c, d, worst, found):
     x = c[at] if at < question.F else d[at - question.F + 3 * question.m + question.a]
     if question.lo[k] - x > worst:
         worst = question.lo[k] - x
-        found = (k << INDEX) | (PLAIN_UP << KIND_SHIFT)
+        found = (k << INDEX) | (BOUND_UP << KIND_SHIFT)
     if x - hi[k] > worst:
         worst = x - hi[k]
-        found = (k << INDEX) | (PLAIN_DOWN << KIND_SHIFT)
+        found = (k << INDEX) | (BOUND_DOWN << KIND_SHIFT)
     return worst, found

@@ -22,23 +22,12 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import larger, quick, smaller
+from handfast.proofs.kinds import BOUND_DOWN, ENERGY, OPEN, S_DOWN, S_UP, SLIDE, T_UP
 from handfast.stability.search.arrays import DROPS, EXCHANGES
 from handfast.stability.search.kernel.price import ROW_TOLERANCE, price, trigonometry
 from handfast.stability.search.kernel.split import select
 from handfast.stability.search.kernel.values import blend, row, values
-from handfast.stability.search.rows import (
-    BOX_DOWN,
-    BOX_UP,
-    ENERGY,
-    INDEX,
-    KIND_SHIFT,
-    OPEN,
-    PLAIN_DOWN,
-    S_DOWN,
-    S_UP,
-    SLIDE,
-    T_UP,
-)
+from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND_SHIFT
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
 NO_RAY, RAY, RAY_OF_BOX = 0, 1, 2  # what an entering row that nothing can leave for shows
@@ -197,7 +186,7 @@ def begin(question, hi, node, work):
         node.skip[k] = False
     for k in range(question.cost.shape[0]):
         kind = work.ids[k] >> KIND_SHIFT
-        if work.ids[k] == PLAIN_DOWN << KIND_SHIFT:
+        if work.ids[k] == BOUND_DOWN << KIND_SHIFT:
             work.rhs[k] = -hi[0] + question.off[3 * question.m + 2 * question.a]
         elif kind in (BOX_UP, BOX_DOWN):
             work.rhs[k] = -question.box[(work.ids[k] >> INDEX) & 255]

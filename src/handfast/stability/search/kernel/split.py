@@ -12,17 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner, larger, length, smaller
-from handfast.stability.search.arrays import LARGEST_EFFORT
-from handfast.stability.search.rows import (
+from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
     CLOSED,
-    FINEST_PATCH,
     FREE,
     HIGH,
     LOCKED,
     LOW,
-    MIN_SECTOR_WIDTH,
     MOVES,
     OPEN,
     SLIDE,
@@ -30,6 +27,8 @@ from handfast.stability.search.rows import (
     TURN_DIRECTIONS,
     UNDECIDED,
 )
+from handfast.stability.search.arrays import LARGEST_EFFORT
+from handfast.stability.search.rows import FINEST_PATCH, MIN_SECTOR_WIDTH
 
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
 # in place of MIN_SECTOR_WIDTH, in proportion, where the tolerance of cones is finer: but none below this

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import quick
-from handfast.stability.search.kernel.patch import MIDDLE, REACH, patch
-from handfast.stability.search.rows import (
-    ANGLE,
-    BOX_DOWN,
-    BOX_UP,
+from handfast.proofs.kinds import (
+    BOUND_UP,
     C_LEFT,
     C_RIGHT,
     C_SIDE,
@@ -26,16 +23,11 @@ from handfast.stability.search.rows import (
     ENERGY,
     GAP_DOWN,
     GAP_UP,
-    INDEX,
-    KIND_SHIFT,
-    NODE,
-    PLAIN_UP,
     S_DOWN,
     S_UP,
-    SIDE_SHIFT,
     SOFT_CHORD,
     SOFT_TANGENT,
-    STILL_ROW,
+    STILL_1_UP,
     T_DOWN,
     T_UP,
     TANGENT,
@@ -43,6 +35,8 @@ from handfast.stability.search.rows import (
     TURN_DOWN,
     TURN_UP,
 )
+from handfast.stability.search.kernel.patch import MIDDLE, REACH, patch
+from handfast.stability.search.rows import ANGLE, BOX_DOWN, BOX_UP, INDEX, KIND_SHIFT, NODE, SIDE_SHIFT
 
 
 @quick
@@ -80,8 +74,8 @@ def row(id, question, hi, data, out, gradient):
     else:
         force = 3 * m + 2 * question.a + i
         motion = 3 * m + question.a + force - question.F
-        gradient[0 if force < question.F else 3] = 1.0 if kind == PLAIN_UP else -1.0
-        rhs = question.lo[i] if kind == PLAIN_UP else -hi[i]
+        gradient[0 if force < question.F else 3] = 1.0 if kind == BOUND_UP else -1.0
+        rhs = question.lo[i] if kind == BOUND_UP else -hi[i]
     for k in range(3):
         x = gradient[k]
         if x != 0.0:
@@ -132,7 +126,7 @@ def contact_row(id, kind, question, g):
     sin = question.sin
     xa = ya = xb = yb = 0.0
     h = 1.0
-    if sin > 0.0 or (kind >= TANGENT and kind < STILL_ROW):
+    if sin > 0.0 or (kind >= TANGENT and kind < STILL_1_UP):
         turn = 2 * np.pi / TURN_DIRECTIONS
         left = ((id >> ANGLE) & (2 * TURN_DIRECTIONS - 1)) * turn
         right = (id & (2 * TURN_DIRECTIONS - 1)) * turn
@@ -176,7 +170,7 @@ def contact_row(id, kind, question, g):
         g[4] = -yb
         g[5] = xb
     else:
-        g[4 if kind < STILL_ROW + 2 else 5] = 1.0 if (kind - STILL_ROW) % 2 == 0 else -1.0
+        g[4 if kind < STILL_1_UP + 2 else 5] = 1.0 if (kind - STILL_1_UP) % 2 == 0 else -1.0
 
 
 @quick
