@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import holds
 from handfast.proofs.answers import ANSWER_NOT_REPLAYED, SavedAnswer, read_answer
+from handfast.proofs.certificate import Certificate
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.path_steps import LOADING, OTHER_PATHS, SavedPath
@@ -489,6 +491,7 @@ def test_what_is_asked_of_a_file() -> None:
     ("more", "checks", "fault"),
     [
         ({"loading": "together"}, {}, "here.question.loading: is 'together'; 'preload-first' is needed"),
+        ({}, {}, "here.answer.query: is 'max'; 'hold' is needed"),
         ({"more": 1}, {}, "here.question.more: is not a known field; leave it out"),
         ({"command_limit": -1}, {}, "here.question.command_limit: is -1; 0 or more is needed"),
         ({}, {"schema": "?"}, "here.checks.a.schema: is '?'; 'handfast/result/1' is needed"),
@@ -497,6 +500,8 @@ def test_what_is_asked_of_a_file() -> None:
 )
 def test_what_no_file_asks(more: dict[str, Any], checks: dict[str, Any], fault: str) -> None:
     data = small(**more) | {"checks": {"a": checks} if checks else {}}
+    if fault.startswith("here.answer"):
+        data["answer"]["query"] = "max"
     with pytest.raises(BadFile, match=f"^{re.escape(fault)}$"):
         holds.read_hold(data, "here")
 
@@ -561,3 +566,54 @@ def test_parts_are_replayed_as_what_they_are() -> None:
     path = SavedPath(bare("check"), {"schema": "handfast/path/1", "query": "check", "verdict": "holds"}, None, None)
     found = holds._replayed(path, "a")
     assert (found.name, found.not_replayed) == ("a", (OTHER_PATHS, ANSWER_NOT_REPLAYED))
+
+
+@pytest.mark.parametrize("driven", [["left"], []])
+def test_what_shows_a_bound_seeks_all_commands(driven: list[str]) -> None:
+    some = one_answer(jaws(1.0, 2.0, TORQUES, driven=driven), query="torques", lower=2.0, verdict="slips")
+    for of, parts in ((holds._bounding, {"bounding": ("a", some)}), (holds._refuted, {"refuted": ("a", some)})):
+        with pytest.raises(Refused, match=r"^a: the answer is not about all commands that were sought$"):
+            of(of_jaws({"lower": 2.0}, **parts))
+
+
+@pytest.mark.parametrize(
+    ("limit", "verdict", "shown"), [(2.0, "undecided", False), (1.9, "undecided", True), (2.0, "slips", True)]
+)
+def test_more_than_the_limit_is_needed_where_no_commands_within_it_hold(
+    limit: float, verdict: str, shown: bool
+) -> None:
+    least = one_answer(jaws(1.0, 2.0, TORQUES, driven=["left", "right"]), query="torques", lower=2.0, verdict=verdict)
+    saved = of_jaws({}, refuted=("a", least), command_limit=limit)
+    if shown:
+        assert [part.name for part in holds._refuted(saved)] == ["a, no commands"]
+        return
+    with pytest.raises(Refused, match=r"^a: the answer does not say that it slips$"):
+        holds._refuted(saved)
+
+
+def test_forces_that_balance_a_load_may_be_of_any_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def verified(c: Certificate) -> SimpleNamespace:
+        asked.append((c.scalar, c.question.wrench.tolist()))
+        return SimpleNamespace(reason="", cap=None)
+
+    monkeypatch.setattr(holds.checker, "verify", verified)
+    assert holds._unbalanced(of_jaws({}), "b").ok
+    assert asked == [((0.0, np.inf), TWO["b"].tolist())]
+
+
+def test_commands_that_are_not_sought_are_none() -> None:
+    """The grasp has one for the right jaw, which is locked where it is not sought."""
+    one = replace(of_jaws({"preload": {"left": 1.0}}), question=jaws(1.0, 2.0, TORQUES, driven=["left"]))
+    assert holds._command(one).tolist() == [1, 0]
+
+
+def test_a_bound_that_is_not_there_is_none() -> None:
+    most = one_answer(jaws(1.0, 2.0), query="max", lower=None, upper=None)
+    assert holds._bounds(most) == {"lower": 0.0, "upper": None, "unbounded": False}
+    assert holds._bounds(replace(most, said=most.said | {"lower": 0.5, "upper": 2.0, "unbounded": True})) == {
+        "lower": 0.5,
+        "upper": 2.0,
+        "unbounded": True,
+    }
