@@ -365,3 +365,35 @@ def test_lower_bounds_over_boxes_and_what_sides_change() -> None:
     assert (least[0] <= [-1.25, 2]).all()
     assert np.isnan(least[1]).all()
     assert changes[0] == pytest.approx(np.array([[2, 0, 0.25], [0, 2, 0]]), rel=1e-12, abs=1e-200)
+
+
+def test_what_conditions_leave_of_boxes() -> None:
+    """A ball on a slide of 0 to 0.1 m, which turns about nothing, at a wall that faces it: its limits cut boxes.
+
+    A billionth of each side is left beside what they cut, and none of what is beyond them, or faces away.
+    """
+    cap = {"cap": {"center": [0, 0, 0.1], "radius": 0.01, "axis": [0, 0, 1], "half_angle": 0.5}}
+    wall = {"bezier": [[[u, v, 0] for v in (0, 1)] for u in (0, 1)], "flip": True}
+    slide = {"name": "j", "type": "prismatic", "axis": [0, 0, 1], "anchor": [0] * 3, "limits": [0, 0.1], "ref": 0}
+    links = [{"name": "finger", "parent": -1, "pose": np.eye(4).tolist(), "joints": [0]}]
+    hand = {"name": "hand", "source": "", "links": links, "joints": [slide], "couplings": []}
+    touches = [{"link": "finger", "hand": cap, "object": wall}]
+    pose = {"position": [[None, None]] * 3, "axes": [[[None, None]] * 3] * 3}
+    contacts = ContactBoxes.of(read_task({"name": "t", "hand": hand, "contacts": touches, "pose": pose}))
+    slides = np.array([[0.05, 0.2], [-0.3, 0.05], [0.02, 0.03], [0.2, 0.3], [0.02, 0.03]])
+    box = np.concatenate([slides[:, None], np.tile([[-1e-3, 1e-3]] * 3 + [[0.25, 0.5]] * 2, (5, 1, 1))], axis=1)
+    charts = np.array([0, 0, 0, 0, 1])  # the last: half a turn about x
+    over = contacts.at(Interval.between(box[..., 0], box[..., 1]), charts, 6)
+    middle = contacts.at(Interval.of(box.mean(axis=2)), charts, 0)
+    with np.errstate(all="ignore"):
+        alive, kept, changes = contacts.narrowed(box, over, middle)
+    assert alive.tolist() == [True, True, True, False, False]
+    assert kept[:3, 0] == pytest.approx(np.array([[0.05, 0.1], [0.0, 0.05], [0.02, 0.03]]), abs=1e-9)
+    assert kept[0, 0, 1] - 0.1 == pytest.approx(0.15e-9, rel=1e-4)
+    assert 0.0 - kept[1, 0, 0] == pytest.approx(0.35e-9, rel=1e-4)
+    assert (kept[0, 0, 0], kept[1, 0, 1], *kept[2, 0]) == (0.05, 0.05, 0.02, 0.03)
+    np.testing.assert_array_equal(kept[:3, 1:], box[:3, 1:])
+    assert changes.shape == (5, 6, 2)  # of how it faces the wall, and of its slide
+    assert changes[:, 0, 1] == pytest.approx(np.ptp(slides, axis=1) / 2)
+    assert changes[:, 1:, 1].max() < 1e-200
+    assert (changes[:, 1:4, 0] < 1e-4).all()
