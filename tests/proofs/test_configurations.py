@@ -422,3 +422,9 @@ def test_reasons_are_told_together() -> None:
         "joint slide comes to [0.04, 0.06] in the box, not strictly inside [0, 0.055]",
         "contact:0:s comes to [1.23, 1.27] in the box, not strictly inside [0, 1]",
     ]
+
+
+def test_contacts_in_a_file_have_no_other_fields() -> None:
+    contact = {"link": "finger", "object": [0.25, 0.625], "hand": None, "more": 1}
+    with pytest.raises(BadFile, match=r"^contacts\[0\]\.more: is not a known field"):
+        at_the_wall(contacts=[contact])

@@ -305,6 +305,23 @@ def test_what_slack_costs_by_hand() -> None:
     assert growth[0] >= 20.25
     # changes of 1 of the torque about y: 1/4 and 1/2 of forces besides; and of motions to (0, 3, 4) and 0
     changed = np.eye(10)[4:5]
-    slack, growth = given.costs(made, none[0], changed, np.array([[0, 3.0, 0, 0]]), np.array([[0, 0, 4.0, 0]]))
+    slack, growth = given.costs(made, none[0], changed, np.array([[0, -2.0, 0, 0]]), np.array([[0, 1.0, 4, 0]]))
     assert slack == pytest.approx([1 / 4 + 3 / 2 + 5 + 5 * 0.5])
     assert growth == pytest.approx([2 * (1 / 4 + 1 / 2 + 1) + 5 * 0.25])
+
+
+def test_ranks_are_those_of_each_contact() -> None:
+    """The slide moves the first contact along its normal."""
+    made = equations_of(pinch([0, 0, -2, 0, 0, 0], joints=JOINTS))  # type: ignore[arg-type]
+    assert [made.rank_at(k, (6,)) for k in (0, 1)] == [1, 0]
+    assert [made.rank_at(k, (0, 1, 2)) for k in (0, 1)] == [3, 3]
+    assert made.dependent_joints == []
+
+
+@pytest.mark.parametrize("weight", [0.25, 8.0])
+def test_without_a_load_slack_grows_as_a_weak_motor_does(weight: float) -> None:
+    weak = {"actuators": [{"name": "m", "joints": {"a": weight}}, {"name": "n", "joints": {"b": 1.0}}], "couplings": []}
+    asked = {"wrench": [0] * 6, "driven": ["m"]}
+    assert side(one_contact("torques", weak, **asked), (0.5, 1.0)).slip_growth == pytest.approx(EPS * weight)
+    none = side(one_contact("torques", weak, **asked | {"driven": []}), (0.5, 1.0))
+    assert none.slip_growth == 0
