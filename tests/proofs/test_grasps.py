@@ -244,7 +244,9 @@ def test_of_no_grasp_something_is_shown() -> None:
     assert changed(data, put("answer/verdict", "found")).fault == "FOUND with a proof that there is none"
     assert changed(data, put("answer/verdict", "undecided")).fault == "UNDECIDED with a proof that there is none"
     other = changed(none(SLIDES, friction=0.0), put("answer/loads/down", [0.0] * 6))
-    assert (other.name, other.fault, other.parts) == ("grasps", "the answer is about other loads", ())
+    assert (other.name, other.claim, other.fault, other.parts) == ("grasps", "", "the answer is about other loads", ())
+    fixed = changed(found(), put("task/hand/joints/1/limits", [0.015, 0.015]))
+    assert (fixed.name, fixed.claim, fixed.parts) == ("grasps", "", ())
     for verdict in ("none", "undecided"):
         alone = changed(none(SLIDES), put("none", ...), put("answer/verdict", verdict))
         assert alone.fault == f"{verdict.upper()} rests on the search itself, ask it again"
@@ -437,6 +439,8 @@ def test_what_shows_that_every_configuration_is_discarded(monkeypatch: pytest.Mo
     (task, shapes, placements, names, motors, proof), how = heard["replay_no_grasp"]
     assert (len(task.links), shapes.of_object, names, how) == (2, (), ["down", "weight"], {})
     assert placements.count == 2
+    assert placements.loads == pytest.approx(np.array([DOWN, DOWN]))
+    assert (placements.friction, placements.torsion, placements.factor) == (0.8, 0, 1)
     assert placements.limits.most.tolist() == [5, 7]
     assert motors.limits.tolist() == [np.inf, 2.0]
     assert proof.names() == ("contacts",)
