@@ -20,9 +20,10 @@ import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs import path_steps
-from handfast.proofs.answers import UNPROVED_STATE
+from handfast.proofs.answers import COURSE_KEYS, UNPROVED_STATE
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.fields import BadFile
+from handfast.proofs.grasp import StartData
 from handfast.proofs.path_steps import SavedPath, Step, is_scale_free, near_enough, read_path, replay
 from handfast.proofs.question import Question, read_question
 from handfast.proofs.replay import Refused, Replay
@@ -569,3 +570,61 @@ def test_a_path_is_of_a_check_from_rest(more: Data) -> None:
     question = {"grasp": asked_grasp(), "goal": "check", "wrench": [0, 2, 0, 0, 0, 0]} | more
     with pytest.raises(BadFile, match=r"^p\.question: is no check from rest with the dissipation principle$"):
         read_path({"schema": "handfast/path/1", "question": question}, "p")
+
+
+@pytest.mark.parametrize(
+    ("name", "by", "near"),
+    [
+        *(
+            (name, room * sign, True)
+            for name, room in (("gaps", 0.125), ("stops", 0.25), ("slack", 0.5))
+            for sign in (1, -1)
+        ),
+        *(
+            (name, room * sign, False)
+            for name, room in (("gaps", 0.13), ("stops", 0.26), ("slack", 0.51))
+            for sign in (1, -1)
+        ),
+        ("gaps", np.nan, False),
+    ],
+)
+def test_how_far_a_start_may_be_from_where_the_state_came_to(
+    name: str, by: float, near: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came = StartData(np.array([1.0, 2.0]), np.array([3.0]), np.array([4.0]))
+    room = StartData(np.array([9.0, 0.125]), np.array([0.25]), np.array([0.5]))
+    monkeypatch.setattr(path_steps, "came_from", lambda p, x: (came, room) if x is STATE.state else None)
+    own = getattr(came, name).copy()
+    own[-1] += by
+    fault = path_steps._not_from(Step(0.5, asked(), STATE, None), replace(came, **{name: own}))
+    assert fault == ("" if near else f"its {name} are not those to which the state before came")
+
+
+@pytest.mark.parametrize(("query", "of"), [("check", "_check"), ("max", "_max"), ("torques", "_torques")])
+@pytest.mark.parametrize("end", [None, 1.5])
+def test_what_answers_of_all_queries_say(
+    query: str, of: str, end: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    saved = path(query, "holds", 0.0, 0.5, 1.0, end=end, sought=looked_for() if query == "torques" else None)
+    before, ended = last(saved)
+    told: list[Any] = []
+    for name in ("_check", "_max", "_torques"):
+        monkeypatch.setattr(path_steps, name, lambda *asked, name=name: told.append((name, asked)) or {"its": name})
+    monkeypatch.setattr(path_steps, "compare", lambda *said: told.append(said))
+    path_steps._compare(saved, before, PROVED, {"exact": True}, 0.25)
+    (name, given), (said, shown, course) = told
+    if query == "torques":
+        assert (name, given) == (of, (saved, saved.sought, before, ended, 0.25))
+    else:
+        assert (name, given) == (of, (saved, before, PROVED, ended))
+    assert said is saved.said
+    every = {
+        "schema": "handfast/path/1",
+        "query": query,
+        "verdict": "holds",
+        "loading": FIRST,
+        "exact": True,
+        "its": of,
+    }
+    assert shown == every | {"steps": 2 + (end is not None), "certified": end is not None}
+    assert course == (*COURSE_KEYS, "by_steps", "other_choice", "resolution")
