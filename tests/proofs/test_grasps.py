@@ -434,13 +434,13 @@ def test_what_shows_that_every_configuration_is_discarded(monkeypatch: pytest.Mo
     heard = listening(monkeypatch, "replay_no_grasp")
     by_motors(monkeypatch)
     solids = {"links": [], "object": [], "depth": 0.25, "pairs": []}
-    done = replay_grasps(none({"contacts": [0]}, solids=solids))
-    assert (done.ok, done.not_replayed[-1]) == (True, grasps.SOLIDS_CLAIM)
+    done = replay_grasps(none({"contacts": [0]}, solids=solids, torsion=0.001))
+    assert (done.name, done.ok, done.not_replayed[-1]) == ("grasps", True, grasps.SOLIDS_CLAIM)
     (task, shapes, placements, names, motors, proof), how = heard["replay_no_grasp"]
     assert (len(task.links), shapes.of_object, names, how) == (2, (), ["down", "weight"], {})
     assert placements.count == 2
     assert placements.loads == pytest.approx(np.array([DOWN, DOWN]))
-    assert (placements.friction, placements.torsion, placements.factor) == (0.8, 0, 1)
+    assert (placements.friction, placements.torsion, placements.factor) == (0.8, 0.001, 1)
     assert placements.limits.most.tolist() == [5, 7]
     assert motors.limits.tolist() == [np.inf, 2.0]
     assert proof.names() == ("contacts",)
@@ -478,9 +478,11 @@ def test_a_bound_is_of_what_grasps_hold() -> None:
     )
 
 
-def test_faults_of_motors_have_their_place() -> None:
+def test_faults_of_motors_and_grasps_have_their_place() -> None:
     with pytest.raises(BadFile, match=r"^motors\.actuators\[0\]\.tendon: is 1; true or false is needed$"):
         changed(found(), put("motors/actuators/0/tendon", 1))
+    with pytest.raises(BadFile, match=r"^grasps\[0\]\.grasp\.contacts\[0\]\.friction: is -1; 0 or more is needed$"):
+        changed(found(), put(G + "grasp/contacts/0/friction", -1))
 
 
 # --- one grasp, part by part -------------------------------------------------------------------------------
@@ -520,7 +522,7 @@ def entry(**preload: float) -> Data:
 
 def test_every_load_is_held_and_so_many_times(monkeypatch: pytest.MonkeyPatch) -> None:
     done, held = claimed(monkeypatch, entry(grip=2.0))
-    assert (done.name, done.ok, done.figures) == ("grasp 1", True, {"factor": 3.0})
+    assert (done.name, done.ok, done.claim, done.figures) == ("grasp 1", True, "", {"factor": 3.0})
     assert [part.name for part in done.parts] == ["configuration", "a", "b", "3 times a", "3 times b"]
     assert held == [
         ("a", [0, 0, -0.5, 0, 0, 0], "of a"),
@@ -546,6 +548,7 @@ def test_every_load_is_held_and_so_many_times(monkeypatch: pytest.MonkeyPatch) -
         ({"spare": 0.0}, {}, ""),
         ({"spare": 1.0}, {"actuators": []}, ""),  # nobody said which
         ({"grip": 1.0}, {"friction": 0.7}, "friction at its contacts is not 0.7"),
+        ({"grip": 1.0}, {"friction": 0.0}, "friction at its contacts is not 0"),
         ({"grip": 1.0}, {"torsion": 0.001}, "torsion at its contacts is not 0.001 m"),
     ],
 )
