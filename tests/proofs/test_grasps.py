@@ -601,3 +601,30 @@ def test_a_witness_of_a_load(
     assert x.c.tolist() == state(0.25)["c"]
     with pytest.raises(BadFile, match="more: is not a known field"):
         grasps._held(Fields(state(0.25) | {"more": 1}), grasp, its, "a", LOADS["a"])
+
+
+def test_weights_act_at_the_centre_of_mass() -> None:
+    """1/2 of 10 m/s^2 times 0.1 kg along (3, 0, -4) / 5, at 0.2 m along y."""
+
+    def read(**loads: Any) -> Any:
+        thing = {"name": "block", "mass": 0.1, "center_of_mass": [0, 0.2, 0]}
+        return grasps._read_loads(Fields(loads, "loads"), Fields(thing, "object"))
+
+    weight = {"weight": {"along": [3.0, 0, -4.0], "g": 10.0, "factor": 0.5}}
+    loads, center = read(w=weight)
+    assert loads["w"] == pytest.approx(np.array([0.3, 0, -0.4, 0.2 * -0.4, 0, -0.2 * 0.3]))
+    assert center.tolist() == [0, 0.2, 0]
+    loads, center = read(w=weight, d={"wrench": DOWN})
+    assert (list(loads), loads["d"].tolist(), center) == (["w", "d"], DOWN, None)
+
+
+def test_limits_that_are_not_there_are_none() -> None:
+    bare = {
+        name: x for name, x in question().items() if name not in ("object", "loads", "force_limit", "command_limit")
+    }
+    none = grasps._Terms(Fields(bare), ["grip"])
+    assert (none.force_limit, none.command_limit, none.torsion, none.torque_limits) == (np.inf, np.inf, 0, {})
+    with pytest.raises(BadFile, match=r"^q\.actuators: has unknown actuator 'grip'; known are spare$"):
+        grasps._Terms(Fields(bare, "q"), ["spare"])
+    with pytest.raises(BadFile, match=r"^bound\.factor: is -1; 0 or more is needed$"):
+        replay_grasps(found() | {"bound": SLIDES | {"factor": -1}})
