@@ -484,3 +484,21 @@ def test_vectors_by_hand() -> None:
     R = orthonormal(np.array([[0, 0, 2.0]]), np.array([[3.0, 0, 5]]))  # z, then x without its part along z
     assert R.mid == pytest.approx(np.array([[[0, 1, 0], [0, 0, 1], [1, 0, 0]]]), abs=1e-14)
     assert (R.hi - R.lo).max() < 1e-13
+
+
+@pytest.mark.parametrize("angle", [0.5, -0.5])
+def test_a_wave_is_5_units_in_the_last_place_wider_either_way(angle: float) -> None:
+    x, true = sin(Interval.of(angle)), math.sin(angle)
+    for moved in (x.hi - true, true - x.lo):
+        assert 4.9 < moved / (abs(true) * 2.0**-52) < 5.1
+
+
+def test_whole_numbers_around_others() -> None:
+    """Their sum is no whole number of 64 bits."""
+    assert Interval.around(2**62, 2**62).hi >= 2.0**63
+    assert Interval.around(2**62, 0.5).contains(2.0**62)
+
+
+def test_nothing_is_divided_by_a_number_with_derivatives_but_another_one() -> None:
+    with pytest.raises(TypeError, match="unsupported operand"):
+        Interval.of([1.0]) / dual(2, 1)
