@@ -10,6 +10,7 @@ import pytest
 from flint import fmpq
 
 from handfast.proofs.equations import RightSide, equations_of, power_near
+from handfast.proofs.grasp import StartData
 from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, read_question
 from handfast.proofs.tolerance import EPS
 from tests.support.proof_states import pinch
@@ -323,5 +324,70 @@ def test_without_a_load_slack_grows_as_a_weak_motor_does(weight: float) -> None:
     weak = {"actuators": [{"name": "m", "joints": {"a": weight}}, {"name": "n", "joints": {"b": 1.0}}], "couplings": []}
     asked = {"wrench": [0] * 6, "driven": ["m"]}
     assert side(one_contact("torques", weak, **asked), (0.5, 1.0)).slip_growth == pytest.approx(EPS * weight)
+    by_turn = side(one_contact("torques", weak, **asked | {"driven": ["n"]}), (0.5, 1.0))
+    assert by_turn.slip_growth == pytest.approx(EPS * 2)  # at 1/2 m
     none = side(one_contact("torques", weak, **asked | {"driven": []}), (0.5, 1.0))
     assert none.slip_growth == 0
+
+
+def test_what_grows_is_rounded_up() -> None:
+    given = side(largest([0, 0, 5, 0, 0, 0]), (1.0, 3.0))
+    assert 6 < given.grown(np.array([2.0]), np.array([1.0]))[0] < 6 + 1e-8
+
+
+def test_contacts_press_by_what_they_were_apart_before() -> None:
+    """In a step all normal forces may be larger, though only one contact was apart."""
+    q = pinch([0, 0, -2, 0, 0, 0], joints=JOINTS)  # type: ignore[arg-type]
+    start = StartData(np.array([0.25, 0.0]), np.zeros(1), np.zeros(1))
+    step = replace(q, grasp=q.grasp.with_start(start))
+    arms, more = (equations_of(asked)._arms[equations_of(asked).columns.c] for asked in (q, step))
+    assert more - arms == pytest.approx(np.array([1, 0.5, 0.5] * 2))
+
+
+@pytest.mark.parametrize(("aside", "seem"), [(1e-10, True), (1e-8, False)])
+def test_joints_that_seem_to_move_a_contact_alike(aside: float, seem: bool) -> None:
+    """Two slides, one a little aside of the other; a third one moves the other contact alone."""
+    slides = [
+        {"name": name, "type": "prismatic", "axis": axis, "origin": [0, 0, 0], "moves": [k]}
+        for name, axis, k in (("a", [1, 0, 0], 0), ("b", [1, aside, 0], 0), ("c", [1, 0, 0], 1))
+    ]
+    made = equations_of(pinch([0, 0, -2, 0, 0, 0], joints=slides))  # type: ignore[arg-type]
+    found = [(k, np.flatnonzero(joints).tolist()) for k, joints in made.dependent_joints]
+    assert found == ([(0, [6, 7])] if seem else [])
+    assert made.rank_at(0, (6, 7)) == 2
+
+
+def test_torques_of_one_joint_are_given_exactly() -> None:
+    """0.1 and 0.2 add up to no float; nothing is given to the other joint."""
+    spring, back = SLIDE | {"torque": 0.1}, {"name": "m", "joints": {"a": 1.0}, "backdrivable": True}
+    point = {"position": [0.5, 0, 0.25], "normal": [0, 0, 1], "friction": 0.5}
+    plain = {name: x for name, x in TURN.items() if name != "torque"}
+    grasp = {"schema": "handfast/grasp/1", "contacts": [point], "joints": [spring, plain], "preload": {"m": 0.2}}
+    grasp |= {"mechanism": {"actuators": [back], "couplings": []}}
+    exact = fmpq(*(0.1).as_integer_ratio()) + fmpq(*(0.2).as_integer_ratio())
+    q = read_question({"grasp": grasp, "goal": "check", "wrench": [0.0] * 6}, "q")
+    assert side(q, None).exact[6:8] == [exact, 0]
+    least = read_question(
+        {"grasp": grasp, "goal": "smallest preload", "wrench": [0.0] * 6, "direction": [1.0] * 6}, "q"
+    )
+    made = equations_of(least)
+    none = np.zeros((0, made.columns.n + len(made.Z)))
+    assert made.exact_rows(none, np.array([6, 7]), np.array([made.columns.scalar.start])) == [[-exact], [0]]
+
+
+def test_rows_about_the_middle_of_the_contacts_and_their_units() -> None:
+    point = {"position": [0.5, 0.25, 0.125], "normal": [0, 0, 1], "friction": 0.5}
+    joints = [TURN | {"torque": 64.0}]
+    grasp = {"schema": "handfast/grasp/1", "contacts": [point], "joints": joints}
+    grasp |= {"mechanism": {"actuators": [], "couplings": []}}
+    made = equations_of(read_question({"grasp": grasp, "goal": "check", "wrench": [0.0] * 6}, "q"))
+    assert made.about[:3, 3:6].tolist() == [[0, 0.125, -0.25], [-0.125, 0, 0.5], [0.25, -0.5, 0]]
+    assert made.scale[6] == 2  # it moves the contact by 1/2 and 1/8; what is given to it is no motion
+    assert equations_of(one_contact()).unit.tolist() == [1, 1, 1, 0.25, 0.5, 0.5, 1, 1, 1, 1]
+
+
+def test_units_of_sliders_are_the_least_of_joints() -> None:
+    q = read_question({"grasp": small_grasp(), "goal": "check", "wrench": [0.0] * 6}, "q")
+    units = equations_of(q).joint_units
+    assert units[:3].tolist() == q.grasp.joint_units.tolist()
+    assert units[3] == units[:3].min() < units[:3].max()
