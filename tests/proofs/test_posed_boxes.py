@@ -359,7 +359,7 @@ def test_lower_bounds_over_boxes_and_what_sides_change() -> None:
     slope = over.slope.ends
     slope[0, 0, 0], slope[2, 0, 0], slope[1, 0, 1] = (-2, 4), (1, -1), (0, 1)  # 2 to 4, -1, 0 to 1
     slope[0, 1] = np.nan
-    middle, away = one([[1, 3], [0, 0]], [[1.5, 3], [0, 0]]), one([[-0.5, -2, -0.25]] * 2, [[0.5, 2, 0.25]] * 2)
+    middle, away = one([[1, 3], [0, 0]], [[1.5, 3], [0, 0]]), one([[-0.5, -2, -0.25]] * 2, [[0.25, 2, 0.25]] * 2)
     least, changes = mean_value(over, middle, away)
     assert least[0] == pytest.approx([1 - 2 - 0.25, 2])
     assert (least[0] <= [-1.25, 2]).all()
