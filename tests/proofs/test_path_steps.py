@@ -560,6 +560,12 @@ def test_what_all_states_of_a_path_have_in_common(fails: bool, monkeypatch: pyte
     assert seen[:4] == [(0, steps[0], None), (1, steps[1], steps[0]), (2, steps[2], steps[1]), (3, steps[3], steps[2])]
     of_steps = {"exact": False, "motion": 5.0, "motion_cap": 7.0}
     assert seen[4:] == ([] if fails else [(saved, steps[2], found[2], of_steps, 0.0)])
+    assert (done.claim, saved.reached) == ("", 0.75)
+    if not fails:
+        monkeypatch.setattr(path_steps, "_bounded", lambda saved, sought: (0.25, [Replay("bound")]))
+        done = replay(path("torques", "holds", 0.0, 1.0, sought=looked_for()))
+        assert [part.name for part in done.parts] == ["step 0", "step 1", "bound"]
+        assert seen[-1][-1] == 0.25
     seen.clear()
     replay(path("check", "undecided"))
     assert seen[0][1:] == (None, None, {"exact": None, "motion": None, "motion_cap": None}, 0.0)
@@ -628,3 +634,15 @@ def test_what_answers_of_all_queries_say(
     }
     assert shown == every | {"steps": 2 + (end is not None), "certified": end is not None}
     assert course == (*COURSE_KEYS, "by_steps", "other_choice", "resolution")
+
+
+def test_each_command_of_a_path_has_its_sense() -> None:
+    grasp = asked_grasp()
+    grasp["joints"].append(grasp["joints"][0] | {"name": "thumb"})
+    grasp["preload"] = {"jaw": 1.0, "thumb": 2.0}
+    q = read_question({"grasp": grasp, "goal": "check", "wrench": [0, 2, 0, 0, 0, 0]}, "")
+    saved = path("torques", "holds", 0.0, 1.0, q=q, lower=0.0)
+    for senses in ([1.0, -1.0], [-1.0, 1.0]):
+        sought = SimpleNamespace(**vars(looked_for()) | {"senses": np.array(senses)})
+        with pytest.raises(Refused, match=r"^a command has the wrong sense$"):
+            path_steps._torques(saved, sought, last(saved)[0], False, 1.5)
