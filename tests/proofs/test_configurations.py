@@ -13,6 +13,7 @@ import pytest
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.proofs import configurations
 from handfast.proofs.configurations import AND, CLAIM, SCHEMA, Bounds, check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.fields import BadFile
@@ -428,3 +429,23 @@ def test_contacts_in_a_file_have_no_other_fields() -> None:
     contact = {"link": "finger", "object": [0.25, 0.625], "hand": None, "more": 1}
     with pytest.raises(BadFile, match=r"^contacts\[0\]\.more: is not a known field"):
         at_the_wall(contacts=[contact])
+
+
+@pytest.mark.parametrize("name", ["position", "quaternion", "radii"])
+def test_each_number_of_a_configuration_is_finite(name: str) -> None:
+    data = {"schema": SCHEMA, "joints": {"slide": 0.05}, "position": [0.06, 0.5, -0.25], "quaternion": [1, 0, 0, 0]}
+    data |= {"contacts": [], "dependent": ["joint:slide", "position:0"], "radii": [0.01, 0.02]}
+    proof = read_existence(data)
+    for wrong in (np.nan, np.inf):
+        numbers = getattr(proof, name).copy()
+        numbers[-1] = wrong
+        with pytest.raises(BadFile, match=f"^{name}: has shape .* finite numbers are needed$"):
+            replace(proof, **{name: numbers})
+    assert not getattr(proof, name).flags.writeable
+
+
+def test_the_largest_of_quotients_is_rounded_up() -> None:
+    assert 1 < configurations._most(np.array([0.5, 1.0])) < 1 + 1e-15
+    assert configurations._most(np.array([0.5, np.nan])) == np.inf
+    assert configurations._worst(np.array([0.5, 2.0, 1.0])) == 1
+    assert configurations._worst(np.array([0.5, 2.0, np.nan])) == 2
