@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from handfast.proofs import configurations
 from handfast.proofs.configurations import AND, CLAIM, SCHEMA, Bounds, check_configuration, read_existence
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.fields import BadFile
-from handfast.proofs.intervals import Interval
+from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.replay import Replay
 from handfast.proofs.tasks import read_task
 from handfast.synthesis.solution import existence_from_dict
@@ -449,3 +450,60 @@ def test_the_largest_of_quotients_is_rounded_up() -> None:
     assert configurations._most(np.array([0.5, np.nan])) == np.inf
     assert configurations._worst(np.array([0.5, 2.0, 1.0])) == 1
     assert configurations._worst(np.array([0.5, 2.0, np.nan])) == 2
+
+
+# --- two equations by hand -------------------------------------------------------------------------------
+
+
+def solved(
+    J: Any, F: tuple[float, float], gaps: tuple[float, float] = (0.0, 0.0), wide: Any = ((0, 0), (0, 0))
+) -> tuple[list[str], dict[str, float]]:
+    """Of coordinates a and b, each within 2: F at the floats, derivatives J over the box, so `wide` either way."""
+    slope = np.zeros((3, 2, 2, 2))  # by a, by one that is frozen, by b; at the floats and over the box
+    around = Interval.between(np.array(J) - np.array(wide), np.array(J) + np.array(wide))
+    slope[[0, 2], 1] = around.swapped().ends
+    value = Interval.of(np.array([F, [np.nan, np.nan]]))
+    gap = Interval.of(np.array([[[0, 0, g] for g in gaps], [[np.nan] * 3] * 2]))
+    at: Any = SimpleNamespace(F=Dual(value, Interval(slope)), gap=gap)
+    box: Any = SimpleNamespace(dependent=[0, 2], labels=("a", "b"), radii=np.array([2.0, 2.0]))
+    with np.errstate(all="ignore"):
+        return configurations._krawczyk(box, at)
+
+
+TIGHT = "the box is too tight: a solution near it may lie outside in"
+SINGULAR = "the dependent coordinates are not determined: their Jacobian is singular"
+INFINITE = "the box is too wide: in it the equations have no finite derivatives"
+
+
+@pytest.mark.parametrize(("J", "F", "wide", "reasons", "contraction", "step"), [
+    ([[1, 0], [0, 1]], (0.5, -1.0), ((0, 0), (0, 0)), [], 0, 0.5),
+    ([[0, 2], [4, 0]], (1.0, -2.0), ((0, 0), (0, 0)), [], 0, 0.25),  # b moves by 1 / 2, a by -2 / 4
+    ([[1, 0], [0, 1]], (0.5, 1.0), ((0.25, 0), (0, 0.4)), [], 0.4, 0.5),
+    ([[1, 0], [0, 1]], (0.5, -1.0), ((0.25, 0), (0, 0.6)), [f"{TIGHT} b"], 0.6, 0.5),
+    ([[1, 0], [0, 1]], (0.4, 1.8), ((0.85, 0), (0, 0.05)), [f"{TIGHT} a"], 0.85, 0.9),
+    ([[1, 0], [0, 1]], (0.0, 0.0), ((0.5, 0.75), (0, 0)), ["the box is too wide, or the equations too nearly singular: "
+     "a contracts by a factor of 1.25 only"], 1.25, 0),
+    ([[1, 0], [0, 1]], (0.5, 3.0), ((0, 0), (0, 0)), ["the floats do not meet the equations (contact 1 is open by "
+     "0.75 m): a Newton step moves b by 1.5 radii"], 0, 1.5),
+    ([[1, 1], [1, 1]], (0.0, 0.0), ((0, 0), (0, 0)), [SINGULAR], np.inf, np.inf),
+    ([[1e-320, 0], [0, 1]], (0.0, 0.0), ((0, 0), (0, 0)), [SINGULAR], np.inf, np.inf),
+    ([[1, np.inf], [0, 1]], (0.0, 0.0), ((0, 0), (0, 0)), [INFINITE], np.inf, np.inf),
+])  # fmt: skip
+def test_two_equations_by_hand(J: Any, F: Any, wide: Any, reasons: list[str], contraction: float, step: float) -> None:
+    found, figures = solved(J, F, (0.5, -0.75), wide)
+    assert found == reasons
+    assert figures == pytest.approx({"contraction": contraction, "step": step, "gap": 0.75}, abs=1e-12)
+    assert (
+        min(figures["contraction"] - contraction, figures["step"] - step, figures["gap"] - 0.75) >= 0 or step == np.inf
+    )
+
+
+def test_the_largest_gap_is_infinite_where_one_is_not_known() -> None:
+    assert solved([[1, 0], [0, 1]], (0.0, 0.0), (0.5, np.nan))[1]["gap"] == np.inf
+
+
+def test_what_is_refused_has_its_name_and_place() -> None:
+    assert at_the_wall(joints={}).name == "configuration"
+    contact = {"link": "finger", "object": [0.25, 0.625], "hand": [0.5]}
+    with pytest.raises(BadFile, match=r"^contacts\[0\]\.hand: has 1 numbers; 2 are needed$"):
+        at_the_wall(contacts=[contact])
