@@ -350,7 +350,7 @@ def test_weights_of_the_control_points_of_a_part() -> None:
     )
 
 
-@pytest.mark.parametrize(("degree", "wide"), [(3, False), (MAX_PATCH_DEGREE, True)])
+@pytest.mark.parametrize(("degree", "wide"), [(3, False), (60, True), (MAX_PATCH_DEGREE, True)])
 def test_binomials_are_enclosed(degree: int, wide: bool) -> None:
     """Those of a high degree are no floating-point numbers."""
     binomials, up, down = _weights((degree, 1), degree + 1)
