@@ -210,12 +210,12 @@ def test_a_joint_that_nothing_drives_stands_at_its_offset() -> None:
     arm = LeverArm(read, 0, {10: 1.0}, 0.0)
     assert arm.columns == {}
     assert arm.root.tolist() == [[0, 1], [0, 1]]
-    point = Interval.of(np.array([[0.5, 0.5], [0.0, 0.0]]))
-    assert arm.value(11, point).mid.tolist() == [0.25, 0.25]
+    point = Interval.of(np.array([[0.5, 0.5], [0.0, 0.0], [0.5, 0.5]]))
+    assert arm.value(11, point).mid.tolist() == [0.25] * 3
     assert Motors.read(Fields({"actuators": []}), read, {}).limits.shape == (0,)
     # 28 and 26 mm along the last link, which is 26 mm from the axis before, and 10 mm aside of it
     length = np.linalg.norm(read.hand.poses[12, :3, 3])
-    assert arm.over(point).mid == pytest.approx(np.array([0.028, 0.026]) + length * np.cos(0.25), abs=1e-6)
+    assert arm.over(point).mid == pytest.approx(np.array([0.028, 0.026, 0.028]) + length * np.cos(0.25), abs=1e-6)
 
 
 def test_a_joint_that_follows_stands_where_its_coupling_says() -> None:
@@ -433,3 +433,74 @@ def test_motors_too_weak_for_a_weight(newtons: float, none: bool, tmp_path: Path
     if none:
         assert verify(tmp_path / "grasps.json").ok
         assert "normal forces up to 8.9 N no contact forces balance" in answer.verify().parts[0].claim
+
+
+# --- small hands by hand --------------------------------------------------------------------------------
+
+
+def small_hand(*fingers: list[dict[str, Any]], pad: Any = None) -> TaskData:
+    """Fingers of one link each, on the palm, with a pad at the origin that pushes along z; their joints, in order."""
+    wall = {"bezier": [[[u, v, 0] for v in (0, 1)] for u in (0, 1)], "flip": True}
+    each = [
+        {"type": "prismatic", "axis": [0, 0, 1], "anchor": [0] * 3, "limits": [0, 0.1], "ref": 0} | j
+        for f in fingers
+        for j in f
+    ]
+    joints = [{"name": f"j{k}"} | joint for k, joint in enumerate(each)]
+    links = [{"name": "palm", "parent": -1, "pose": np.eye(4).tolist(), "joints": []}]
+    count = 0
+    for k, finger in enumerate(fingers):
+        its = list(range(count, count + len(finger)))
+        count += len(finger)
+        links.append({"name": f"f{k}", "parent": 0, "pose": np.eye(4).tolist(), "joints": its})
+    flat = {"bezier": [[[u, v, 0] for v in (-0.001, 0.001)] for u in (-0.001, 0.001)]}
+    contacts = [{"link": f"f{k}", "hand": pad or flat, "object": wall} for k in range(len(fingers))]
+    hand = {"name": "hand", "source": "", "links": links, "joints": joints, "couplings": []}
+    pose = {"position": [[None, None]] * 3, "axes": [[[None, None]] * 3] * 3}
+    return read_task({"name": "t", "hand": hand, "contacts": contacts, "pose": pose})
+
+
+def driven(task: TaskData, torques: dict[str, float], **laws: Any) -> Array:
+    """A motor for each joint, with the joint's name; laws of joints."""
+    actuators = [{"name": name, "joints": {name: 1.0}} for name in task.hand.joints]
+    motors = Motors.read(Fields({"actuators": actuators, "laws": laws}), task, torques)
+    return contact_force_limits(task, motors, 0.5).most
+
+
+@pytest.mark.parametrize("limits", [(10.0, 20.0), (20.0, 10.0)])
+def test_the_weaker_of_two_motors_behind_each_other_limits(limits: tuple[float, float]) -> None:
+    assert driven(small_hand([{}, {}]), dict(zip(("j0", "j1"), limits, strict=True))) == pytest.approx([10])
+
+
+def test_fingers_that_move_apart_are_limited_each_by_its_own_motor() -> None:
+    task = small_hand([{}], [{}])
+    assert driven(task, {"j0": 10.0, "j1": 20.0}) == pytest.approx([10, 20])
+    assert driven(task, {"j1": 20.0}) == pytest.approx([np.inf, 20])
+
+
+def test_a_stop_in_the_other_sense_carries_nothing() -> None:
+    """The pad pushes as its slide moves back, which an upper stop may push, too: a lower one does not."""
+    back = small_hand([{"axis": [0, 0, -1]}])
+    for stops, most in (([0.0, None], 10.0), ([None, 0.1], np.inf)):
+        assert driven(back, {"j0": 10.0}, j0={"friction": 0.0, "stops": stops}) == pytest.approx([most])
+
+
+def test_the_lever_arm_by_way_of_an_outer_joint_of_the_same_link() -> None:
+    """j0 turns about y through (-0.1, 0, 0), j1 behind it by q about z through (0, 0.05, 0).
+
+    The pad's middle is at (0.05 sin q, 0.05 (1 - cos q), 0) before j0: 0.1 + 0.05 sin q from its axis, against z.
+    """
+    inner = {"type": "revolute", "axis": [0, -1, 0], "anchor": [-0.1, 0, 0], "limits": [0, 1]}
+    outer = {"type": "revolute", "axis": [0, 0, 1], "anchor": [0, 0.05, 0], "limits": [0, 1]}
+    arm = LeverArm(small_hand([inner, outer]), 0, {0: 1.0}, 0.5)
+    assert arm.columns == {1: 2}
+    assert arm.root.tolist() == [[0, 1], [0, 1], [0, 1]]
+    found = arm.over(Interval.of(np.array([[0.5, 0.5, q] for q in (0.0, 0.5, 1.0)]))).mid
+    assert found == pytest.approx(0.1 + 0.05 * np.sin([0.0, 0.5, 1.0]), abs=1e-12)
+
+
+def test_a_bound_of_the_lever_arm_of_a_bent_pad() -> None:
+    """Bent across v alone, up to a slope of 3: without friction the arm is 1 / sqrt 10 of the rate of 2 at least."""
+    bent = {"bezier": [[[u, y, z] for y, z in ((-0.1, 0), (0, 0.3), (0.1, 0))] for u in (-0.1, 0.1)]}
+    least = 2 / np.sqrt(10)
+    assert 0.9 * least <= least_arm(small_hand([{}], pad=bent), 0, {0: 2.0}, 0.0) <= least

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from decimal import Decimal, localcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -998,6 +999,8 @@ def test_the_ends_of_a_magnitude_are_rounded_outwards(off: float) -> None:
     assert done.radius < 1e-9
     assert done.motion == pytest.approx(1)
     assert done.margin == pytest.approx(1)  # 1 N presses
+    wide = existence._shown(s, x, replace(box, v_off=np.array([0, 0, 0.25, 0, 0, 0])), 0.75)
+    assert wide.motion == pytest.approx(1.25)
     fixed = replace(p, along=None, wrench=p.load)
     assert existence._shown(System.of(fixed, s.modes, x, False), x, box, 0.0).magnitude is None
 
@@ -1009,3 +1012,184 @@ def test_a_magnitude_is_polished_with_the_state() -> None:
     assert 0.4 < at.magnitude < 0.5
     assert better.c[0] == pytest.approx(0.5 + at.magnitude)
     assert better.r[2] == pytest.approx(-better.c[0])
+
+
+# --- which modes are tried, and with what ---------------------------------------------------------------
+
+
+def test_modes_are_tried_by_how_many_parts_are_not_at_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two contacts with three modes each the second is at fault: it is changed first, the other costs twice that."""
+    p, x = half_under_way()
+    options = {f"contact {k}": [(i, False) for i in range(3)] for k in (0, 1)}
+    tried = []
+
+    def fails(s: SimpleNamespace, x: State, residual: float) -> Proved:
+        tried.append((s.modes, residual))
+        raise NotShown("no", "contact 1")
+
+    monkeypatch.setattr(existence, "choices", lambda p, x: options)
+    monkeypatch.setattr(existence, "modes_of", lambda g, kinds: tuple(mode for mode, _ in kinds.values()))
+    made = SimpleNamespace(of=lambda p, modes, x, free: SimpleNamespace(modes=modes, residual=3.0 - sum(modes)))
+    monkeypatch.setattr(existence, "System", made)
+    monkeypatch.setattr(existence, "_tried", fails)
+    assert existence._attempts(p, x, 20).residual == -1.0
+    modes = [(0, 0), (0, 1), (1, 0), (0, 2), (1, 1), (2, 0), (1, 2), (2, 1), (2, 2)]
+    assert tried == [(mode, 3.0 - max(map(sum, modes[: k + 1]))) for k, mode in enumerate(modes)]
+
+
+@pytest.mark.parametrize(
+    ("rounding", "regular", "contradictory", "inside", "shown"),
+    [
+        (False, True, False, True, ""),
+        (True, False, True, True, ""),
+        (True, True, True, True, "inside"),
+        (True, False, False, True, "inside"),
+        (True, True, False, False, "balls"),
+    ],
+)
+def test_more_is_tried_in_modes_that_only_rounding_may_spoil(
+    monkeypatch: pytest.MonkeyPatch, rounding: bool, regular: bool, contradictory: bool, inside: bool, shown: str
+) -> None:
+    p, x = half_under_way()
+
+    def fails() -> Box:
+        raise NotShown("no", rounding=rounding)
+
+    def moved(its: SimpleNamespace) -> State:
+        if not inside:
+            raise NotShown("no state is farther inside of the modes")
+        return x
+
+    s = SimpleNamespace(p=p, modes=MODES, sought=True, box=fails, regular=regular, contradictory=contradictory)
+    there = SimpleNamespace(box=lambda: "inside")
+    monkeypatch.setattr(existence, "_inside", moved)
+    monkeypatch.setattr(
+        existence, "System", SimpleNamespace(of=lambda *asked: there if asked[1:] == (MODES, x, True) else 0)
+    )
+    monkeypatch.setattr(existence, "refined", lambda its: "balls" if its is s else "")
+    monkeypatch.setattr(existence, "_shown", lambda *said: said)
+    if not shown:
+        with pytest.raises(NotShown, match=r"^no$"):
+            existence._tried(s, x, 0.75)  # type: ignore[arg-type]
+        return
+    assert existence._tried(s, x, 0.75) == (there if inside else s, x, shown, 0.75)  # type: ignore[arg-type]
+
+
+# --- in the units of the rows ---------------------------------------------------------------------------
+
+
+def at_rest(p: Problem) -> tuple[State, Box]:
+    """Every contact presses with 2 N, nothing moves; and a box without radii about that."""
+    rows, columns = p.grasp.rows[0].shape
+    phi = np.zeros(rows)
+    phi[p.grasp.contact_rows[:, 0]] = 2.0
+    none = np.zeros(rows)
+    return State.of(p.grasp, np.zeros(columns), phi), Box(none[:columns], none[:columns], none, none, phi, none)
+
+
+def test_how_far_a_box_is_counts_at_the_contacts() -> None:
+    """The motor is geared by 4: 1/2 rad are 1/8 m there, and 1e-7 N m are 4e-7 N, of 2 N."""
+    p = every_law()
+    x, box = at_rest(p)
+    motor = np.eye(17)[9]
+    assert existence._radius(p, x, replace(box, d=0.5 * motor)) == pytest.approx(0.125)
+    assert existence._radius(p, x, replace(box, d_off=0.5 * motor)) == pytest.approx(0.125)
+    assert existence._radius(p, x, replace(box, phi=box.phi + 1e-7 * motor)) == pytest.approx(4e-7)
+    assert existence._radius(p, x, replace(box, phi_off=1e-7 * motor)) == pytest.approx(4e-7)
+    with pytest.raises(NotShown, match=r"^actuator 'motor': the force of the state that is proved is 2\.4e-06 N from"):
+        existence._radius(p, x, replace(box, phi=box.phi + 6e-7 * motor))
+
+
+@pytest.mark.parametrize(("by", "leads"), [(4e-7, True), (6e-7, False)])
+def test_where_newtons_method_leads_counts_at_the_contacts(
+    monkeypatch: pytest.MonkeyPatch, by: float, leads: bool
+) -> None:
+    """As above: 2 N press, of which it may be 2e-6 N, and the motor is geared by 4."""
+    p = replace(every_law(), along=np.eye(6)[2], magnitude=0.5)
+    x, box = at_rest(p)
+
+    def solved(s: SimpleNamespace) -> tuple[Array, Array, float]:
+        assert s.sought is False
+        return box.v, box.phi + by * np.eye(17)[9], 0.0
+
+    made = SimpleNamespace(of=lambda p, modes, x, sought: SimpleNamespace(sought=sought))
+    monkeypatch.setattr(existence, "System", made)
+    monkeypatch.setattr(existence, "solution", solved)
+    monkeypatch.setattr(existence, "near", lambda p, y: SHOWN)
+    found = existence._nearer(p, x, MODES)
+    assert (found is SHOWN) == leads
+    assert found.modes is MODES
+    assert leads or found.changed == np.inf
+
+
+def test_what_is_kept_is_relative_to_the_largest_force() -> None:
+    """One milligram: 1e-3 N of load, 2e-3 N that press, of which friction keeps a half."""
+    p = problem(Grasp([Contact([0, 0, 0], [0, 0, 1], 0.5)], []), [0, 0, -1e-3])
+    none = np.zeros(0, dtype=np.int64)
+    modes = Modes(np.array([Contact_.STICKS]), np.zeros(1, dtype=bool), none, none)
+    _, box = at_rest(p)
+    assert inequalities(p, modes, replace(box, phi=1e-3 * box.phi)) == pytest.approx(0.5)
+
+
+def test_to_whom_inequalities_apply() -> None:
+    """No command to a motor that has none, no cone to a contact without friction."""
+    contacts = [Contact([0, 0, 0], [0, 0, 1], mu) for mu in (0.5, 0.0)]
+    joints = [GraspJoint(name, [1, 0, 0], [0, 0, 0], (0,), "prismatic") for name in "abc"]
+    mechanism = Mechanism(("on", "off", "back"), np.eye(3), np.zeros((0, 3)), (False,) * 3, (False, False, True))
+    p = problem(Grasp(contacts, joints, mechanism, {"on": 1.0, "back": 1.0}), [0, 0, -1.0])
+    modes = Modes(np.full(2, Contact_.STICKS), np.zeros(2, dtype=bool), np.full(3, Part.MOVES), np.full(3, Part.FREE))
+    applies = {
+        fault.removeprefix("is not proved to "): on.tolist() for _, fault, _, on in slacks(p, modes, at_rest(p)[1])
+    }
+    assert applies["be inside its friction cone"] == [True, False]
+    assert applies["carry its command"] == [True, False, False]
+
+
+def test_what_joints_keep_counts_at_the_contacts() -> None:
+    """The joint "stopped" is 2 m from what it moves. What is not slack is kept without any rounding."""
+    p = every_law()
+    _, box = at_rest(p)
+    d = box.d + 0.25 * np.eye(17)[13] - 0.75 * np.eye(17)[9] + 0.125 * np.eye(17)[0]
+    phi = box.phi + 0.25 * np.eye(17)[13] + 0.5 * np.eye(17)[12]
+    modes = Modes(np.zeros(3, dtype=int), np.zeros(3, dtype=bool), np.full(2, Part.MOVES), np.full(4, Part.RESTS))
+    kept = {
+        fault.removeprefix("is not proved to "): x for _, fault, x, _ in slacks(p, modes, replace(box, d=d, phi=phi))
+    }
+    assert kept["carry its reaction"][:2].tolist() == [0.0, 0.75 * 0.5]  # of "rubs" exactly what is given
+    assert kept["be open"][0] == pytest.approx(0.125)
+    assert kept["close"][1] == 0.25 * 2
+    assert kept["open"][1] == -0.25 * 2
+    assert kept["move in its sense"][0] == 0.75 / 4
+    assert [row_name(p, k) for k in (3, 4)] == ["contact 1"] * 2
+
+
+def test_what_is_kept_is_rounded_down() -> None:
+    """At 25 points, against 120 digits; in a step, without radii."""
+    p = replace(every_law((0.3, -0.7, 0.0), 0.4, 5.1, force_limit=3.0), cos=0.8, sin=0.6)
+    g, rng = p.grasp, np.random.default_rng(8)
+    _, _, actuators, _, joints = g.parts
+    d, phi = rng.normal(size=(2, 25, len(g.rows[0])))
+    d *= 10.0 ** rng.integers(-4, 1, size=(25, 1))
+    d[..., -1] = phi[..., -1] = 0.0
+    (D, C), (T, F) = ([decimal(x[:, g.contact_rows]) for x in (d, phi)], [decimal(x[:, actuators]) for x in (d, phi)])
+    (q, rho), side = [decimal(x[:, joints]) for x in (d, phi)], decimal([0.0, 1.0, 0.0, 0.0])
+    with localcontext(prec=120):
+        slides, rubs = (np.vectorize(Decimal.sqrt, otypes=[object])((x[..., 1:] ** 2).sum(axis=-1)) for x in (D, C))
+        true = {
+            "be open": decimal(g.gaps) + decimal(p.cos) * D[..., 0] + decimal(p.sin) * slides,
+            "be inside its friction cone": decimal(g.mu) * C[..., 0] - rubs,
+            "carry its command": (F - decimal(p.command)) * [-1, 1],
+            "move in its sense": T * [-1, 1] + decimal(g.slack),
+            "stay off its stop": side * q + decimal(np.abs(g.stops_left)),
+            "lean on its stop": side * rho - decimal(g.friction),
+        }
+    units = {"actuator {}": g.row_units[actuators], "joint {}": g.row_units[joints], "contact {}": 1.0}
+    none, modes = np.zeros(len(g.rows[0])), Modes(*(np.full(k, 0) for k in (g.m, g.m, g.a, g.l)))
+    for name, fault, least, _ in slacks(p, modes, Box(none[: 6 + g.l], none[: 6 + g.l], d, none, phi, none)):
+        what = fault.removeprefix("is not proved to ")
+        if what in true:
+            by = units[name] if what in ("carry its command", "lean on its stop") else 1.0 / units[name]
+            with localcontext(prec=120):
+                off = true[what] - decimal(least / by)  # by a power of two
+            assert (off >= 0).all(), what
+            assert (off < 1e-13).all(), what

@@ -17,6 +17,8 @@ from handfast.proofs.fields import (
     Fields,
     cross,
     dot,
+    floats,
+    not_zero,
     number,
     numbers,
     rational,
@@ -105,7 +107,7 @@ def test_lists_of_objects() -> None:
 
 
 def test_tables_of_objects() -> None:
-    rows = [{"x": 1, "y": "a"}, {"y": "b", "x": [2]}]
+    rows: list[dict[str, Any]] = [{"x": 1, "y": "a"}, {"y": "b", "x": [2]}]
     assert Fields({"t": rows}).table("t", ["x", "y"]) == {"x": [1, [2]], "y": ["a", "b"]}
     assert Fields({"t": []}).table("t", ["x"]) == {"x": []}
     for wrong in ("text", {"x": 1}, 3):
@@ -272,6 +274,10 @@ def test_numbers_of_numpy_in_lists() -> None:
     assert numbers([np.float32(0.5), np.int64(2)], (2,), "a").tolist() == [0.5, 2.0]
 
 
+def test_rows_are_lists_or_tuples() -> None:
+    assert numbers([[1], (2,)], (2, 1), "a").tolist() == [[1.0], [2.0]]
+
+
 # --- names, and what says the same
 
 
@@ -290,9 +296,14 @@ NEAR, OFF = 1 + 0.9e-9, 1 + 1.1e-9
     ("a", "b"),
     [
         (1, 1.0),
+        (1, NEAR),
+        (NEAR, 1),
+        (1e-9, 0.0),  # the tolerance itself
+        (1e-9, 0),
         (NEAR, 1.0),
         (1.0, NEAR),
         (1e6 * NEAR, 1e6),  # relative above 1
+        (10**6, 1e6 * NEAR),
         (-1e6 * NEAR, -1e6),
         (1e-12, 0.9e-9),  # absolute below 1
         (-0.4e-9, 0.4e-9),
@@ -314,7 +325,9 @@ def test_the_same(a: Any, b: Any) -> None:
     [
         (OFF, 1.0),
         (1.0, OFF),
+        (1, OFF),
         (1e6 * OFF, 1e6),
+        (10**6, 1e6 * OFF),
         (1e6, -1e6),
         (1e-9 * 1.1, 0.0),
         (1, True),
@@ -333,6 +346,7 @@ def test_the_same(a: Any, b: Any) -> None:
         ({"a": 1, "b": 2}, {"a": 1}),
         ({"a": 1}, [1]),
         ([1], "1"),
+        (["a"], "a"),
         (float("nan"), float("nan")),
     ],
 )
@@ -375,6 +389,7 @@ def test_products_by_hand() -> None:
     assert dot(a, b) == 52
     assert isinstance(dot(a, b), fmpq)
     assert dot([], []) == ZERO
+    assert isinstance(dot([], []), fmpq)
     with pytest.raises(ValueError, match="zip"):
         dot(a, b[:2])
 
@@ -387,3 +402,14 @@ def test_rounding_goes_to_the_nearest() -> None:
     assert rounded(fmpq(2**53 + 1, 2**53) + fmpq(1, 2**200)) == 1 + 2.0**-52
     # integers far beyond the range of floating-point numbers: 3 10^400 / (4 10^400 - 1) is 0.75 but for rounding
     assert rounded(fmpq(3 * 10**400, 4 * 10**400 - 1)) == 0.75
+
+
+def test_what_is_not_zero_never_becomes_zero() -> None:
+    """Numbers below all floating-point ones: the smallest with their sign."""
+    tiny = fmpq(1, 10**400)
+    assert [rounded(tiny), not_zero(tiny), not_zero(-tiny), not_zero(ZERO)] == [0, 5e-324, -5e-324, 0]
+    assert not_zero(fmpq(-1, 3)) == -1 / 3
+    table = [[tiny, fmpq(1, 4)], [ZERO, fmpq(-2)]]
+    assert floats(table).tolist() == [[0, 0.25], [0, -2]]
+    assert floats(table, not_zero).tolist() == [[5e-324, 0.25], [0, -2]]
+    assert floats([ZERO]).dtype == np.float64

@@ -11,12 +11,18 @@ import copy
 import json
 import re
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from handfast.planning.results import grasps_file
-from handfast.proofs.fields import BadFile
+from handfast.proofs import grasps
+from handfast.proofs.contact_force_limits import ForceLimits
+from handfast.proofs.existence import Proved
+from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.grasp import read_grasp
 from handfast.proofs.grasps import replay_grasps
 from handfast.proofs.replay import Replay
 from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
@@ -238,7 +244,9 @@ def test_of_no_grasp_something_is_shown() -> None:
     assert changed(data, put("answer/verdict", "found")).fault == "FOUND with a proof that there is none"
     assert changed(data, put("answer/verdict", "undecided")).fault == "UNDECIDED with a proof that there is none"
     other = changed(none(SLIDES, friction=0.0), put("answer/loads/down", [0.0] * 6))
-    assert (other.name, other.fault, other.parts) == ("grasps", "the answer is about other loads", ())
+    assert (other.name, other.claim, other.fault, other.parts) == ("grasps", "", "the answer is about other loads", ())
+    fixed = changed(found(), put("task/hand/joints/1/limits", [0.015, 0.015]))
+    assert (fixed.name, fixed.claim, fixed.parts) == ("grasps", "", ())
     for verdict in ("none", "undecided"):
         alone = changed(none(SLIDES), put("none", ...), put("answer/verdict", verdict))
         assert alone.fault == f"{verdict.upper()} rests on the search itself, ask it again"
@@ -358,3 +366,265 @@ def test_every_configuration_is_discarded() -> None:
         replay_grasps(none(proof))
     assert "solids" not in found()["question"]
     assert changed(found(), put("question/solids", solids)).ok  # what is found does not need them
+
+
+# --- what is asked of other proofs -------------------------------------------------------------------------
+
+
+def listening(monkeypatch: pytest.MonkeyPatch, *names: str) -> dict[str, Any]:
+    """What the last call of each of these was asked; all of it is proved."""
+    heard: dict[str, Any] = {}
+
+    def put_in(name: str) -> None:
+        def ask(*given: Any, **how: Any) -> Replay:
+            heard[name] = given, how
+            return Replay(name)
+
+        monkeypatch.setattr(grasps, name, ask)
+
+    for name in names:
+        put_in(name)
+    return heard
+
+
+def by_motors(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Limits of 5 and 7 N; and what they were asked for."""
+    asked: list[Any] = []
+
+    def limits(*given: Any) -> ForceLimits:
+        asked.append(given)
+        return ForceLimits.of(np.array([5.0, 7.0]), 2)
+
+    monkeypatch.setattr(grasps, "contact_force_limits", limits)
+    return asked
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_what_shows_that_nothing_balances_the_loads(alone: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The centre of mass counts where all loads are weights."""
+    heard, limits = listening(monkeypatch, "replay_unbalanced"), by_motors(monkeypatch)
+    data = none(SLIDES, force_limit=6.0, torsion=0.001, torque_limits={"grip": 0.3})
+    changed(data, put("question/object/center_of_mass", [0.0, 0.0, 0.06]))
+    if alone:
+        changed(data, put("question/loads/down", ...), put("answer/loads/down", ...))
+    assert replay_grasps(data).ok
+    (regions, loads, friction, most, center, proof), how = heard["replay_unbalanced"]
+    assert [region.kind for region in regions] == ["bezier", "bezier"]
+    assert {name: load.tolist() for name, load in loads.items()} == {
+        name: pytest.approx(DOWN) for name in (["weight"] if alone else ["down", "weight"])
+    }
+    assert (friction, most.most.tolist(), how) == (0.8, [5, 6], {"torsion": 0.001})
+    assert (None if center is None else center.tolist()) == ([0, 0, 0.06] if alone else None)
+    assert proof.names() == ("motions", "tree")
+    ((task, motors, *terms),) = limits[-1:]
+    assert (len(task.links), motors.limits.tolist(), terms) == (2, [0.3, 2.0], [0.8, 0.001])
+
+
+def test_what_shows_that_few_contacts_hold_no_loads(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = listening(monkeypatch, "replay_of_loads")
+    assert replay_grasps(none({"fewest_contacts": 3}, torsion=0.001)).ok
+    (count, reach, loads, friction, proof, torsion), how = heard["replay_of_loads"]
+    assert (count, list(loads), friction, torsion, how) == (2, ["down", "weight"], 0.8, 0.001, {})
+    # contacts are on squares of 20 mm at 25 mm from the middle
+    assert reach == pytest.approx(np.linalg.norm([0.01, 0.025, 0.01]), rel=0.01)
+    assert proof.names() == ("fewest_contacts",)
+
+
+def test_what_shows_that_every_configuration_is_discarded(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = listening(monkeypatch, "replay_no_grasp")
+    by_motors(monkeypatch)
+    solids = {"links": [], "object": [], "depth": 0.25, "pairs": []}
+    done = replay_grasps(none({"contacts": [0]}, solids=solids, torsion=0.001))
+    assert (done.name, done.ok, done.not_replayed[-1]) == ("grasps", True, grasps.SOLIDS_CLAIM)
+    (task, shapes, placements, names, motors, proof), how = heard["replay_no_grasp"]
+    assert (len(task.links), shapes.of_object, names, how) == (2, (), ["down", "weight"], {})
+    assert placements.count == 2
+    assert placements.loads == pytest.approx(np.array([DOWN, DOWN]))
+    assert (placements.friction, placements.torsion, placements.factor) == (0.8, 0.001, 1)
+    assert placements.limits.most.tolist() == [5, 7]
+    assert motors.limits.tolist() == [np.inf, 2.0]
+    assert proof.names() == ("contacts",)
+
+
+@pytest.mark.parametrize(
+    ("factor", "strength", "refused"),
+    [
+        (3.0, 3.0, ""),
+        (2.9, 3.0, "no placement is said to hold the loads 2.9 times, and a grasp 3 times"),
+        (1.0, None, ""),
+        (0.9, None, "no placement is said to hold the loads 0.9 times, and a grasp 1 times"),
+    ],
+)
+def test_what_shows_that_no_placement_holds_more(
+    factor: float, strength: float | None, refused: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard = listening(monkeypatch, "replay_unbalanced")
+    by_motors(monkeypatch)
+    figures = {} if strength is None else {"factor": strength}
+    monkeypatch.setattr(grasps, "_grasp", lambda *of: Replay(of[-1], figures=figures))
+    data = found() | {"bound": SLIDES | {"factor": factor}}
+    data["question"] |= {"torsion": 0.001, "force_limit": 6.0}
+    done = replay_grasps(data)
+    assert (done.refused, [part.name for part in done.parts]) == (refused, ["grasp 1", "bound"])
+    (regions, loads, friction, most, center, proof, times), how = heard["replay_unbalanced"]
+    assert (len(regions), list(loads), friction, most.most.tolist()) == (2, ["down", "weight"], 0.8, [5, 6])
+    assert (center, times, how) == (None, factor, {"torsion": 0.001})
+    assert proof.names() == ("motions", "tree")
+
+
+def test_a_bound_is_of_what_grasps_hold() -> None:
+    assert replay_grasps(none(SLIDES) | {"bound": SLIDES | {"factor": 3.0}}).fault == (
+        "NONE with a bound of what grasps hold"
+    )
+
+
+def test_faults_of_motors_and_grasps_have_their_place() -> None:
+    with pytest.raises(BadFile, match=r"^motors\.actuators\[0\]\.tendon: is 1; true or false is needed$"):
+        changed(found(), put("motors/actuators/0/tendon", 1))
+    with pytest.raises(BadFile, match=r"^grasps\[0\]\.grasp\.contacts\[0\]\.friction: is -1; 0 or more is needed$"):
+        changed(found(), put(G + "grasp/contacts/0/friction", -1))
+
+
+# --- one grasp, part by part -------------------------------------------------------------------------------
+
+
+def terms(**other: Any) -> Any:
+    asked = {name: x for name, x in question().items() if name not in ("object", "loads")}
+    return grasps._Terms(Fields(asked | other), ["grip", "spare"])
+
+
+LOADS = {"a": np.array([0, 0, -0.5, 0, 0, 0]), "b": np.array([0, 0, 0, 0.25, 0, 0])}
+
+
+def claimed(
+    monkeypatch: pytest.MonkeyPatch, entry: Data, misplaced: str = "", **asked: Any
+) -> tuple[Replay, list[Any]]:
+    """What becomes of an entry whose configuration exists, and which loads are asked to be held, in which states."""
+    held: list[Any] = []
+
+    def holds(f: Fields, grasp: Any, its: Any, load: str, wrench: Any) -> Replay:
+        held.append((load, wrench.tolist(), f.take("r")))
+        return Replay(load)
+
+    equations: Any = SimpleNamespace(task=SimpleNamespace(misplaced=lambda joints, proved: misplaced))
+    monkeypatch.setattr(grasps, "check_configuration", lambda of, existence: Replay("configuration"))
+    monkeypatch.setattr(grasps, "_held", holds)
+    return grasps._grasp(Fields(entry), equations, terms(**asked), LOADS, "grasp 1"), held
+
+
+def entry(**preload: float) -> Data:
+    one: Data = found()["grasps"][0]
+    one["grasp"]["preload"] = preload
+    one["witnesses"] = {load: {"r": f"of {load}"} for load in LOADS}
+    one["strength"] = {"factor": 3.0, "witnesses": {load: {"r": f"of more {load}"} for load in LOADS}}
+    return one
+
+
+def test_every_load_is_held_and_so_many_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    done, held = claimed(monkeypatch, entry(grip=2.0))
+    assert (done.name, done.ok, done.claim, done.figures) == ("grasp 1", True, "", {"factor": 3.0})
+    assert [part.name for part in done.parts] == ["configuration", "a", "b", "3 times a", "3 times b"]
+    assert held == [
+        ("a", [0, 0, -0.5, 0, 0, 0], "of a"),
+        ("b", [0, 0, 0, 0.25, 0, 0], "of b"),
+        ("3 times a", [0, 0, -1.5, 0, 0, 0], "of more a"),
+        ("3 times b", [0, 0, 0, 0.75, 0, 0], "of more b"),
+    ]
+    alone = entry(grip=2.0)
+    del alone["strength"]
+    done, held = claimed(monkeypatch, alone)
+    assert (done.figures, len(held)) == ({}, 2)
+
+
+@pytest.mark.parametrize(
+    ("preload", "asked", "refused"),
+    [
+        ({}, {"command_limit": 0.5}, ""),
+        ({"grip": -2.0}, {}, ""),
+        ({"grip": 2.0 * (1 + 0.9e-9)}, {}, ""),
+        ({"grip": 2.0 * (1 + 1.1e-9)}, {}, "commands go up to 2; the limit is 2"),
+        ({"grip": -2.5}, {}, "commands go up to 2.5; the limit is 2"),
+        ({"spare": 1.0}, {}, "spare is commanded, which was not asked for"),
+        ({"spare": 0.0}, {}, ""),
+        ({"spare": 1.0}, {"actuators": []}, ""),  # nobody said which
+        ({"grip": 1.0}, {"friction": 0.7}, "friction at its contacts is not 0.7"),
+        ({"grip": 1.0}, {"friction": 0.0}, "friction at its contacts is not 0"),
+        ({"grip": 1.0}, {"torsion": 0.001}, "torsion at its contacts is not 0.001 m"),
+    ],
+)
+def test_terms_of_a_grasp(preload: Any, asked: Any, refused: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert claimed(monkeypatch, entry(**preload), **asked)[0].refused == refused
+
+
+def test_the_first_fault_of_a_grasp_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = entry(spare=9.0)
+    assert claimed(monkeypatch, wrong, "left_slide is elsewhere", friction=0.7)[0].refused == "left_slide is elsewhere"
+    assert claimed(monkeypatch, wrong, friction=0.7, torsion=0.1)[0].refused == "friction at its contacts is not 0.7"
+    assert claimed(monkeypatch, wrong)[0].refused == "spare is commanded, which was not asked for"
+    del wrong["witnesses"]["b"], wrong["strength"]["witnesses"]["a"]
+    done, held = claimed(monkeypatch, wrong | {"grasp": entry(grip=1.0)["grasp"]})
+    assert done.refused == "has no witness of b"
+    assert [load for load, *_ in held] == ["a", "3 times b"]
+    one = entry(grip=1.0)
+    one["grasp"]["contacts"][1] |= {"torsion": 0.001}
+    assert claimed(monkeypatch, one, torsion=0.001)[0].refused == "torsion at its contacts is not 0.001 m"
+    one["grasp"]["contacts"][0] |= {"torsion": 0.001}
+    assert claimed(monkeypatch, one, torsion=0.001)[0].refused == ""
+
+
+@pytest.mark.parametrize(
+    ("exact", "tolerant", "claim", "reason"),
+    [
+        (True, False, "a is held", ""),
+        (False, True, "a is held, to 1e-9 of the load", ""),
+        (False, False, "a is held, to 1e-9 of the load", "why"),
+    ],
+)
+def test_a_witness_of_a_load(
+    exact: bool, tolerant: bool, claim: str, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def proves(p: Any, x: Any) -> Proved:
+        asked.append((p, x))
+        return Proved(exact, tolerant, "why", 0.25)
+
+    monkeypatch.setattr(grasps, "prove", proves)
+    grasp = read_grasp(found()["grasps"][0]["grasp"], "g")
+    its = terms(torque_limits={"grip": 1.5, "unknown": 9.0}, eta=0.125, force_limit=4.0)
+    done = grasps._held(Fields(state(0.25)), grasp, its, "a", LOADS["a"])
+    assert (done.name, done.claim, done.reason) == ("a", claim, reason)
+    assert done.figures == {"residual": 0.25, "exact": exact}
+    ((p, x),) = asked
+    assert (p.wrench.tolist(), p.command.tolist(), p.mdp) == (LOADS["a"].tolist(), [2, 0], True)
+    assert (p.limit.tolist(), p.force_limit, p.sin) == ([1.5, np.inf], 4, np.sin(0.125))
+    assert x.c.tolist() == state(0.25)["c"]
+    with pytest.raises(BadFile, match="more: is not a known field"):
+        grasps._held(Fields(state(0.25) | {"more": 1}), grasp, its, "a", LOADS["a"])
+
+
+def test_weights_act_at_the_centre_of_mass() -> None:
+    """1/2 of 10 m/s^2 times 0.1 kg along (3, 0, -4) / 5, at 0.2 m along y."""
+
+    def read(**loads: Any) -> Any:
+        thing = {"name": "block", "mass": 0.1, "center_of_mass": [0, 0.2, 0]}
+        return grasps._read_loads(Fields(loads, "loads"), Fields(thing, "object"))
+
+    weight = {"weight": {"along": [3.0, 0, -4.0], "g": 10.0, "factor": 0.5}}
+    loads, center = read(w=weight)
+    assert loads["w"] == pytest.approx(np.array([0.3, 0, -0.4, 0.2 * -0.4, 0, -0.2 * 0.3]))
+    assert center.tolist() == [0, 0.2, 0]
+    loads, center = read(w=weight, d={"wrench": DOWN})
+    assert (list(loads), loads["d"].tolist(), center) == (["w", "d"], DOWN, None)
+
+
+def test_limits_that_are_not_there_are_none() -> None:
+    bare = {
+        name: x for name, x in question().items() if name not in ("object", "loads", "force_limit", "command_limit")
+    }
+    none = grasps._Terms(Fields(bare), ["grip"])
+    assert (none.force_limit, none.command_limit, none.torsion, none.torque_limits) == (np.inf, np.inf, 0, {})
+    with pytest.raises(BadFile, match=r"^q\.actuators: has unknown actuator 'grip'; known are spare$"):
+        grasps._Terms(Fields(bare, "q"), ["spare"])
+    with pytest.raises(BadFile, match=r"^bound\.factor: is -1; 0 or more is needed$"):
+        replay_grasps(found() | {"bound": SLIDES | {"factor": -1}})

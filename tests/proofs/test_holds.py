@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,11 @@ from handfast.core.answer import Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import holds
-from handfast.proofs.answers import SavedAnswer, read_answer
+from handfast.proofs.answers import ANSWER_NOT_REPLAYED, SavedAnswer, read_answer
+from handfast.proofs.certificate import Certificate
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
-from handfast.proofs.path_steps import LOADING
+from handfast.proofs.path_steps import LOADING, OTHER_PATHS, SavedPath
 from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, read_question
 from handfast.proofs.replay import Refused
 from handfast.stability.problem.grasp_limits import GraspLimits
@@ -463,3 +465,155 @@ def test_margins_are_the_least_that_is_shown() -> None:
     assert holds.margins_json({"a": some | {"lower": 0.5}})["margin"] == 1
     assert holds.margins_json({"a": some | {"unbounded": True}})["margin"] is None
     assert holds.margins_json({"a": some | {"unbounded": True}, "b": some})["margin"] == 3
+
+
+# --- files without any answer ------------------------------------------------------------------------------
+
+
+def small(**more: Any) -> dict[str, Any]:
+    """Of two contacts that nothing moves, and one load."""
+    contacts = [{"position": [x, 0, 0], "normal": [-x, 0, 0], "friction": 0.5} for x in (1.0, -1.0)]
+    asked = {"grasp": {"schema": "handfast/grasp/1", "contacts": contacts}, "loads": {"a": TWO["a"].tolist()}}
+    asked |= {"eta": 0.0, "torque_limits": {}, "force_limit": None, "actuators": []} | more
+    return {"schema": "handfast/hold/1", "question": asked, "answer": {"query": "hold"}, "checks": {}}
+
+
+def test_what_is_asked_of_a_file() -> None:
+    plain = holds.read_hold(small(), "here")
+    assert (plain.along, plain.command_limit, plain.question.goal) == (False, np.inf, TORQUES)
+    assert (plain.bounding, plain.refuted, plain.checks, plain.margins) == (None, None, {}, {})
+    assert plain.question.wrench.tolist() == plain.loads["a"].tolist() == TWO["a"].tolist()
+    path = holds.read_hold(small(loading=LOADING, command_limit=2.5), "here")
+    assert (path.along, path.command_limit) == (True, 2.5)
+
+
+@pytest.mark.parametrize(
+    ("more", "checks", "fault"),
+    [
+        ({"loading": "together"}, {}, "here.question.loading: is 'together'; 'preload-first' is needed"),
+        ({}, {}, "here.answer.query: is 'max'; 'hold' is needed"),
+        ({"more": 1}, {}, "here.question.more: is not a known field; leave it out"),
+        ({"command_limit": -1}, {}, "here.question.command_limit: is -1; 0 or more is needed"),
+        ({}, {"schema": "?"}, "here.checks.a.schema: is '?'; 'handfast/result/1' is needed"),
+        ({"loading": LOADING}, {"schema": "?"}, "here.checks.a.schema: is '?'; 'handfast/path/1' is needed"),
+    ],
+)
+def test_what_no_file_asks(more: dict[str, Any], checks: dict[str, Any], fault: str) -> None:
+    data = small(**more) | {"checks": {"a": checks} if checks else {}}
+    if fault.startswith("here.answer"):
+        data["answer"]["query"] = "max"
+    with pytest.raises(BadFile, match=f"^{re.escape(fault)}$"):
+        holds.read_hold(data, "here")
+
+
+def jaws(left: float, right: float, goal: str = "check", **more: Any) -> Question:
+    """Two slides, each with a motor and its command."""
+    contacts = [{"position": [x, 0, 0], "normal": [-x, 0, 0], "friction": 0.5} for x in (1.0, -1.0)]
+    joints = [
+        {"name": name, "type": "prismatic", "axis": [-x, 0, 0], "origin": [0, 0, 0], "moves": [k]}
+        for k, (name, x) in enumerate((("left", 1.0), ("right", -1.0)))
+    ]
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts, "joints": joints}
+    grasp |= {"preload": {"left": left, "right": right}}
+    return read_question({"grasp": grasp, "goal": goal, "wrench": TWO["a"].tolist()} | more, "")
+
+
+def one_answer(q: Question, **said: Any) -> SavedAnswer:
+    return SavedAnswer(q, {"query": "check", "verdict": "holds"} | said, None, None)
+
+
+def of_jaws(said: dict[str, Any], **parts: Any) -> holds.SavedHold:
+    asked = jaws(1.0, 2.0, TORQUES, driven=["left", "right"])
+    return replace(
+        claims({"verdict": "holds", "preload": {"left": 1.0, "right": 2.0}} | said, TWO), question=asked, **parts
+    )
+
+
+@pytest.mark.parametrize(("left", "right"), [(1.5, 2.0), (1.0, 2.5)])
+def test_each_command_of_a_preload_counts(left: float, right: float) -> None:
+    """Of two, one is that of the preload."""
+    own, other = one_answer(jaws(1.0, 2.0)), one_answer(jaws(left, right))
+    one = of_jaws({"upper": 2.0}, loads={"a": TWO["a"]})
+    assert holds._held(replace(one, checks={"a": own})) is None
+    with pytest.raises(Refused, match=r"^a: the answer is about another preload$"):
+        holds._held(replace(one, checks={"a": other}))
+    along = {"direction": TWO["a"].tolist(), "wrench": [0] * 6}
+    most, less = (one_answer(jaws(*x, LARGEST_GOAL, **along), query="max") for x in ((1.0, 2.0), (left, right)))
+    assert [part.name for part in holds._margins(replace(one, margins={"a": most}))] == ["a, margin"]
+    with pytest.raises(Refused, match=r"^a: its margin is that of another preload$"):
+        holds._margins(replace(one, margins={"a": less}))
+
+
+def test_what_slips_has_no_margin() -> None:
+    along = {"direction": TWO["a"].tolist(), "wrench": [0] * 6}
+    none = one_answer(jaws(1.0, 2.0, LARGEST_GOAL, **along), query="max", verdict="slips")
+    with pytest.raises(Refused, match=r"^a: the answer does not say how much of it is resisted$"):
+        holds._margins(of_jaws({}, margins={"a": none}))
+
+
+def test_a_bound_may_be_the_command_itself() -> None:
+    least = one_answer(jaws(1.0, 2.0, TORQUES, driven=["right", "left"]), query="torques", lower=2.0)
+    for upper in (2.0, None):
+        (part,) = holds._bounding(of_jaws({"lower": 2.0, "upper": upper}, bounding=("a", least)))
+        assert part.name == "a, least commands"
+    with pytest.raises(Refused, match=r"^the bound 2 is above the command 1\.99$"):
+        holds._bounding(of_jaws({"lower": 2.0, "upper": 1.99}, bounding=("a", least)))
+
+
+def test_parts_are_replayed_as_what_they_are() -> None:
+    none = holds.replay(claims({"verdict": "undecided", "lower": 0}))
+    assert (none.name, none.not_replayed) == ("hold", (holds.HOLD_NOT_REPLAYED,))
+    path = SavedPath(bare("check"), {"schema": "handfast/path/1", "query": "check", "verdict": "holds"}, None, None)
+    found = holds._replayed(path, "a")
+    assert (found.name, found.not_replayed) == ("a", (OTHER_PATHS, ANSWER_NOT_REPLAYED))
+
+
+@pytest.mark.parametrize("driven", [["left"], []])
+def test_what_shows_a_bound_seeks_all_commands(driven: list[str]) -> None:
+    some = one_answer(jaws(1.0, 2.0, TORQUES, driven=driven), query="torques", lower=2.0, verdict="slips")
+    for of, parts in ((holds._bounding, {"bounding": ("a", some)}), (holds._refuted, {"refuted": ("a", some)})):
+        with pytest.raises(Refused, match=r"^a: the answer is not about all commands that were sought$"):
+            of(of_jaws({"lower": 2.0}, **parts))
+
+
+@pytest.mark.parametrize(
+    ("limit", "verdict", "shown"), [(2.0, "undecided", False), (1.9, "undecided", True), (2.0, "slips", True)]
+)
+def test_more_than_the_limit_is_needed_where_no_commands_within_it_hold(
+    limit: float, verdict: str, shown: bool
+) -> None:
+    least = one_answer(jaws(1.0, 2.0, TORQUES, driven=["left", "right"]), query="torques", lower=2.0, verdict=verdict)
+    saved = of_jaws({}, refuted=("a", least), command_limit=limit)
+    if shown:
+        assert [part.name for part in holds._refuted(saved)] == ["a, no commands"]
+        return
+    with pytest.raises(Refused, match=r"^a: the answer does not say that it slips$"):
+        holds._refuted(saved)
+
+
+def test_forces_that_balance_a_load_may_be_of_any_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def verified(c: Certificate) -> SimpleNamespace:
+        asked.append((c.scalar, c.question.wrench.tolist()))
+        return SimpleNamespace(reason="", cap=None)
+
+    monkeypatch.setattr(holds.checker, "verify", verified)
+    assert holds._unbalanced(of_jaws({}), "b").ok
+    assert asked == [((0.0, np.inf), TWO["b"].tolist())]
+
+
+def test_commands_that_are_not_sought_are_none() -> None:
+    """The grasp has one for the right jaw, which is locked where it is not sought."""
+    one = replace(of_jaws({"preload": {"left": 1.0}}), question=jaws(1.0, 2.0, TORQUES, driven=["left"]))
+    assert holds._command(one).tolist() == [1, 0]
+
+
+def test_a_bound_that_is_not_there_is_none() -> None:
+    most = one_answer(jaws(1.0, 2.0), query="max", lower=None, upper=None)
+    assert holds._bounds(most) == {"lower": 0.0, "upper": None, "unbounded": False}
+    assert holds._bounds(replace(most, said=most.said | {"lower": 0.5, "upper": 2.0, "unbounded": True})) == {
+        "lower": 0.5,
+        "upper": 2.0,
+        "unbounded": True,
+    }

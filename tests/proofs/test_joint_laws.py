@@ -132,6 +132,12 @@ def test_friction_behind_a_commanded_motor_is_a_given_torque(weight: float, comm
     assert e.held.tolist() == [False]
 
 
+def test_friction_behind_motors_of_two_joints_is_given_to_each() -> None:
+    motors: Actuators = {"m": ([1, 0], {}), "n": ([0, -1], {})}
+    e = equivalent_of(grasp([{"friction": 0.5}, {"friction": 0.25}], motors, {"m": 1, "n": 1}), None, ())
+    assert (e.sliders, e.torque.tolist()) == (0, [-0.5, 0.25])
+
+
 @pytest.mark.parametrize("weight", [1.0, -2.0])
 def test_friction_behind_a_tendon_is_a_given_torque(weight: float) -> None:
     e = equivalent_of(grasp([{"friction": 0.5}], {"t": ([weight], {"tendon": True})}), None, ())

@@ -1017,3 +1017,126 @@ def test_each_of_two_joints_is_held(law: str, which: int) -> None:
     turned = np.array([-1 + 1 / 8, 0, 0, 0, 0, [-12.5, 12.5][which]])
     found = near(p, replace(x, q=two[which] / 4, r=turned))
     assert found.missed * p.granted == pytest.approx(0.25)
+
+
+# --- beside others as alone ------------------------------------------------------------------------------
+
+
+def of_contacts(
+    motion: list[Array],
+    contacts: list[tuple[list[float], float]],
+    forces: list[list[Array]],
+    sin: float,
+    some: list[int],
+) -> _Curve:
+    """Of some contacts (normal, friction) at the origin; forces (n, t1, t2) of each, control by control."""
+    made = Grasp([Contact([0, 0, 0], *contacts[k]) for k in some], [])
+    p, x = asked(made, [1, 0, 0, 0, 0, 0], {"r": [0.0] * 6, "forces": np.zeros((len(some), 3))})
+    p = replace(p, cos=np.sqrt(1 - sin**2), sin=sin)
+    tables = {f.name: np.stack([getattr(x, f.name)] * len(motion)) for f in fields(State)}
+    tables["r"] = np.array([[*r, 0, 0, 0] for r in motion], dtype=float)
+    tables["c"] = np.array([np.concatenate([forces[k][i] for k in some]) for i in range(len(motion))], dtype=float)
+    with np.errstate(all="ignore"):
+        return _Curve(p, np.zeros(len(motion)), tables, 1.0)
+
+
+X, BACKWARD = [1.0, 0, 0], [-1.0, 0, 0]
+PRESSES = [1.0, 1.25, 2.0]  # along the curve, as the object comes nearer
+
+
+def across(*shares: float) -> list[Array]:
+    """Forces along t1 beside those that press."""
+    return [np.array([n, t, 0.0]) for n, t in zip(PRESSES, shares, strict=True)]
+
+
+STICKING = [
+    (X, 0.5, across(0, 0.85, 0)),  # inside by its squares, but for a little, where its control values are outside
+    (X, 4.0, across(3, 2, 8.5)),
+    (X, 0.5, across(0.5, 0.625, 1.0)),  # at the edge
+    (X, 0.0, across(0, 0, 0)),
+    (BACKWARD, 0.5, [np.zeros(3)] * 3),
+]
+
+
+def test_contacts_that_stick_change_as_if_they_were_alone() -> None:
+    """Of squares: (0, 0.85, 0) has the controls (0, 0, 0.7225 4 / 6, 0, 0), mu^2 c_n^2 those of (4 + 3.125) / 24."""
+    contacts, forces = [(n, mu) for n, mu, _ in STICKING], [f for *_, f in STICKING]
+    motion = [np.array([-n, 0, 0]) for n in PRESSES]
+    together = of_contacts(motion, contacts, forces, 0.0, [*range(5)])
+    assert together.contact.tolist() == [Kind.STICKS] * 4 + [Kind.OPEN]
+    over = 0.7225 * 4 / 6 - (4 + 2 * 1.5625 * 2) / 24
+    assert together.c_off[:2] == pytest.approx([over / 0.5, 0.5], rel=1e-8)
+    assert 0 < together.c_off[2] < 1e-14
+    for k in range(5):
+        alone = of_contacts(motion, contacts, forces, 0.0, [k])
+        assert together.contact[k] == alone.contact[0]
+        assert together.c_off[k] == pytest.approx(alone.c_off[0], rel=1e-12, abs=0)
+        assert together.slip[k] == pytest.approx(alone.slip[0], rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize("sin", [0.0, 0.6])
+def test_contacts_that_slide_change_as_if_they_were_alone(sin: float) -> None:
+    """Along t1, farther and farther; one pushes a little aside of that, one has its motion along the face alone."""
+    t1 = asked(Grasp([Contact([0, 0, 0], X, 0.5)], []), [1.0] + [0] * 5, {"r": [0.0] * 6, "forces": [[0, 0, 0]]})[0]
+    _, way, aside = t1.grasp.frames[0].T
+    cos = np.sqrt(1 - sin**2)
+    size = np.array(PRESSES)
+    motion = [s * (np.array([-1.0, 0, 0]) + 0.5 * way) for s in size]
+    press = cos - 0.5 * sin
+
+    def slides(mu: float, aside: float = 0.0) -> list[Array]:
+        return [s * press * np.array([1.0, -mu, aside]) for s in size]
+
+    contacts = [(X, 0.5), (X, 4.0), (X, 0.5), (BACKWARD, 0.5), (way.tolist(), 0.5), (aside.tolist(), 2.0)]
+    forces = [slides(0.5), slides(4.0), slides(0.5, 1e-10), *([np.zeros(3)] * 3 for _ in range(3))]
+    together = of_contacts(motion, contacts, forces, sin, [*range(6)])
+    assert together.contact.tolist() == [Kind.SLIDES] * 3 + [Kind.OPEN] * 3
+    assert (together.slip < 1e-9).all()
+    assert (together.slip[:3] >= 8 * 2.0**-53 * sin * 1.0).all()  # of the largest speed
+    for k in range(6):
+        alone = of_contacts(motion, contacts, forces, sin, [k])
+        assert together.contact[k] == alone.contact[0]
+        assert together.c_off[k] == pytest.approx(alone.c_off[0], rel=1e-12, abs=0)
+        assert together.slip[k] == pytest.approx(alone.slip[0], rel=1e-12, abs=0)
+
+
+def test_friction_that_hardly_slides_is_turned_at_the_cost_of_its_motion() -> None:
+    """It slides by 1e-3 N, at an angle of 1e-7 to its friction, and presses with D more than it may."""
+    aside = np.array([-0.5, 0.5e-7])
+    p, x = asked(
+        Grasp([Contact([0, 0, 0], X, 0.5)], []),
+        [-1, 0, 0, 0, 0, 0],
+        {"r": [-1 - D, 0, 0, 0, 0, 0], "forces": [[1, 0, 0]]},
+    )
+    r = np.array([-1.0 - D, *(p.grasp.frames[0] @ [0, 1e-3, 0])[1:], 0, 0, 0])
+    at = replace(x, r=r, c=np.array([1 + D, *(aside * (1 + D))]))
+    found = near(replace(p, force_limit=1.0), at)
+    assert found.modes.contact[0] == Kind.SLIDES
+    assert found.changed == pytest.approx(1.5 * D, rel=1e-3)  # friction is clipped with it; of the motion it is less
+
+
+# --- what is back at its stop -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("F", [1.0, 2.0**-20, 2.0**20])
+@pytest.mark.parametrize("stop", ["lower", "upper"])
+@pytest.mark.parametrize("less", [0.5, 0.9, 1.1])
+def test_a_stop_carries_beyond_friction_but_for_the_tolerance(stop: str, less: float, F: float) -> None:
+    """A joint 2 m from its contact had turned 0.4 F / 2 from its stop and is back, but for a little of that.
+
+    Its reaction is friction and a little less, as at the contact `less` 1e-9 F; then friction alone carries it at rest.
+    """
+    sense = 1.0 if stop == "lower" else -1.0
+    joint = GraspJoint("a", [0, 0, -sense], [0, -2, 0], (0,), stop=stop, friction=0.5 * F)
+    grasp = Grasp([Contact([0, 0, 0], X, 0.0)], [joint], Mechanism((), np.zeros((0, 1)), np.zeros((0, 1)), ()))
+    p, x = asked(grasp, [-F, 0, 0, 0, 0, 0], {"r": [-F, 0, 0, 0, 0, 0], "forces": [[F, 0, 0]]})
+    assert p.grasp.joint_arms.tolist() == [2]
+    missed = less * 1e-9 * F
+    start = StartData(np.zeros(1), np.array([0.2 * F]), np.zeros(0))
+    tables = {f.name: np.stack([getattr(x, f.name)] * 2) for f in fields(State)}
+    tables["q"] = np.full((2, 1), -sense * 0.2 * F * (1 - 1e-9))  # by 0.4e-9 F at the contact
+    tables["reaction"] = np.full((2, 1), sense * (0.5 * F - 2 * missed))
+    with np.errstate(all="ignore"):
+        curve = _Curve(replace(p, grasp=p.grasp.with_start(start)), np.zeros(2), tables, F)
+    assert curve.joint[0] == (Part.BACK if less < 1 else Part.RESTS)
+    assert curve.reaction_off[0] == pytest.approx(2 * missed if less < 1 else 0.0, rel=1e-4)

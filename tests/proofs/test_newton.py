@@ -441,3 +441,8 @@ def test_a_magnitude_may_settle_what_no_motion_does(across: float, so: bool) -> 
     modes = Modes(np.array([C.SLIDES]), np.zeros(1, dtype=bool), none, none)
     x = State.of(p.grasp, np.array([-1.0, 0, 0, 0, 0, 0]), np.array([1.0, 0, 0, 0]))
     assert System.of(p, modes, x, True).contradictory is so
+
+
+def test_what_one_contact_misses_is_a_share_of_its_load() -> None:
+    """It presses with 1 N against 4 N."""
+    assert pressed([-4.0, 0, 0, 0, 0, 0]).residual == pytest.approx(0.75)

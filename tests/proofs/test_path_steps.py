@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,13 @@ import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs import path_steps
-from handfast.proofs.existence import prove
+from handfast.proofs.answers import COURSE_KEYS, UNPROVED_STATE
+from handfast.proofs.existence import Proved, prove
 from handfast.proofs.fields import BadFile
-from handfast.proofs.path_steps import is_scale_free, near_enough, read_path, replay
+from handfast.proofs.grasp import StartData
+from handfast.proofs.path_steps import SavedPath, Step, is_scale_free, near_enough, read_path, replay
+from handfast.proofs.question import Question, read_question
+from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import check, maximum, torques
@@ -239,3 +244,405 @@ def test_how_near_a_state_is_grows_with_what_acts() -> None:
         q = last.question
         near = near_enough(Problem.of(q, q.grasp.command, q.wrench), last.witness.state)
         assert near == pytest.approx(1e-6 * max(acts, float(np.abs(last.witness.state.c).max())))
+
+
+# --- what an answer may say, by steps that are made up ---------------------------------------------------
+
+STATE: Any = SimpleNamespace(state=SimpleNamespace(motion=np.array([3.0, 0, 0, 0, 0, 0, 0])))
+NO_STATE: Any = SimpleNamespace()
+PROVED = Proved(True, False, "", 0.0, 0.25, 2.0)
+INF = np.inf
+
+
+def asked_grasp() -> Data:
+    """A contact on a slide with a motor."""
+    contact = {"position": [0, 0, 0], "normal": [1, 0, 0], "friction": 0.5}
+    slide = {"name": "jaw", "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": [0]}
+    return {"schema": "handfast/grasp/1", "contacts": [contact], "joints": [slide]}
+
+
+@cache
+def asked(command: float = 0.0) -> Question:
+    """With 2 N of load."""
+    grasp = asked_grasp() | {"preload": {"jaw": command} if command else {}}
+    return read_question({"grasp": grasp, "goal": "check", "wrench": [0, 2, 0, 0, 0, 0]}, "")
+
+
+def path(
+    query: str, verdict: str, *magnitudes: float, end: float | None = None, q: Question | None = None, **more: Any
+) -> SavedPath:
+    """With a state at each magnitude, and a certificate at the end if it is given."""
+    q = q or asked()
+    steps = [Step(m, q, STATE, None) for m in magnitudes]
+    steps += [] if end is None else [Step(end, q, None, NO_STATE)]
+    parts = {name: more.pop(name) for name in ("sought", "bound") if name in more}
+    said = {"schema": "handfast/path/1", "query": query, "verdict": verdict} | more
+    return SavedPath(q, said, None, None, steps=tuple(steps), **parts)
+
+
+def last(saved: SavedPath) -> tuple[Step | None, bool]:
+    """The last step with a state; does the path end?"""
+    states = [s for s in saved.steps if s.witness is not None]
+    return (states[-1] if states else None), bool(saved.steps) and saved.steps[-1].witness is None
+
+
+@pytest.mark.parametrize(
+    ("verdict", "magnitudes", "end", "shown"),
+    [
+        ("holds", (0.0, 0.5, 1.0), None, {"margin": None, "reached": 1.0, "slips_at": None, "state": "described"}),
+        ("holds", (0.0, 0.5), None, "HOLDS, but the whole load is not reached"),
+        ("holds", (), None, "HOLDS, but the whole load is not reached"),
+        ("holds", (0.0, 1.0), 1.5, "HOLDS, but the whole load is not reached"),
+        ("slips", (0.0, 0.5), 0.75, UNPROVED_STATE | {"margin": None, "reached": 0.5, "slips_at": 0.75}),
+        ("slips", (0.0, 0.5), 1.0, UNPROVED_STATE | {"margin": None, "reached": 0.5, "slips_at": 1.0}),
+        ("slips", (), 0.0, UNPROVED_STATE | {"margin": None, "reached": None, "slips_at": 0.0}),
+        ("slips", (0.0, 0.5), 1.25, "SLIPS, but no step of the load is shown to have no state"),
+        ("slips", (0.0, 0.5), None, "SLIPS, but no step of the load is shown to have no state"),
+        ("undecided", (0.0, 0.5), None, UNPROVED_STATE | {"margin": None, "reached": 0.5, "slips_at": None}),
+        ("undecided", (0.0, 0.5), 1.25, "UNDECIDED with a certificate"),
+    ],
+)
+def test_what_a_check_may_say(
+    verdict: str, magnitudes: Any, end: float | None, shown: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(path_steps, "described", lambda *of: {"state": "described"} if of[1] is STATE.state else {})
+    saved = path("check", verdict, *magnitudes, end=end)
+    before, ended = last(saved)
+    if isinstance(shown, str):
+        with pytest.raises(Refused, match=f"^{shown}$"):
+            path_steps._check(saved, before, PROVED, ended)
+    else:
+        assert path_steps._check(saved, before, PROVED, ended) == shown
+
+
+BOUNDS = {"attained": True, "limit": None, "holds_from_zero_to": None}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "magnitudes", "end", "more", "shown"),
+    [
+        ("holds", (0.0, 0.5), 0.75, {}, (0.5, 0.75, 0.5)),
+        ("holds", (0.0, 0.5), None, {}, (0.5, None, None)),
+        ("slips", (0.0,), 0.25, {}, (0.0, 0.0, 0.0)),  # of nothing but the load any part slips
+        ("slips", (), 0.0, {}, (0.0, 0.0, 0.0)),
+        ("slips", (0.0,), 0.25, {"q": asked(1.0)}, "SLIPS is not what its steps show"),
+        ("undecided", (0.0,), 0.25, {"q": asked(1.0)}, (0.0, 0.25, None)),
+        ("undecided", (0.0,), 0.25, {}, "UNDECIDED is not what its steps show"),
+        ("undecided", (0.0, 0.5), None, {}, "UNDECIDED is not what its steps show"),
+        ("holds", (0.0,), None, {}, "HOLDS is not what its steps show"),
+        ("slips", (0.0, 0.5), 0.75, {}, "SLIPS is not what its steps show"),
+        ("holds", (0.0, 8.0), None, {"unbounded": True}, (8.0, None, 0.0)),
+        ("holds", (0.0, 8.0 * (1 - 0.9e-9)), None, {"unbounded": True}, (8.0 * (1 - 0.9e-9), None, 0.0)),
+        ("holds", (0.0, 8.0 * (1 - 1.1e-9)), None, {"unbounded": True}, "unbounded, but its path ends"),
+        ("holds", (0.0, 9.0), 10.0, {"unbounded": True}, "unbounded, but its path ends"),
+    ],
+)
+def test_what_the_end_of_a_path_may_say(
+    verdict: str, magnitudes: Any, end: float | None, more: Any, shown: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(path_steps, "_end", lambda q: 8.0)
+    saved = path("max", verdict, *magnitudes, end=end, **more)
+    before, ended = last(saved)
+    if isinstance(shown, str):
+        with pytest.raises(Refused, match=f"^{shown}$"):
+            path_steps._max(saved, before, PROVED, ended)
+        return
+    lower, upper, gap = shown
+    found = path_steps._max(saved, before, PROVED, ended)
+    assert found == BOUNDS | {"lower": lower, "upper": upper, "gap": gap, "unbounded": "unbounded" in more}
+
+
+def test_where_a_path_without_end_is_left() -> None:
+    """At a thousand times the command of 4 N, over the load of 2 N; without one at a thousand times the load."""
+    assert path_steps._end(asked(4.0)) == pytest.approx(2000)
+    assert path_steps._end(asked()) == pytest.approx(1000)
+
+
+def looked_for(sense: float = 1.0) -> Any:
+    return SimpleNamespace(
+        sought=np.array([0]), senses=np.array([sense]), cost=lambda c: float(abs(c[0])), scale=2.0, words="jaw"
+    )
+
+
+@pytest.mark.parametrize(
+    ("verdict", "magnitudes", "command", "lower", "lowest", "shown"),
+    [
+        ("undecided", (), 0.0, 0.5, 0.75, {"lower": 0.5}),
+        ("undecided", (), 0.0, 0.75, 0.75, {"lower": 0.75}),
+        ("undecided", (), 0.0, 0.0, 0.0, {"lower": 0.0}),
+        ("undecided", (), 0.0, 0.8, 0.75, "a lower bound of 0.8; 0.75 is shown"),
+        ("undecided", (), 0.0, -0.5, 0.75, "a lower bound of -0.5; 0.75 is shown"),
+        ("undecided", (), 0.0, None, 0.75, "a lower bound of None; 0.75 is shown"),
+        ("undecided", (0.0,), 0.0, 0.5, 0.75, "UNDECIDED with commands, or with a path"),
+        ("undecided", (), 0.1, 0.5, 0.75, "UNDECIDED with commands, or with a path"),
+        ("slips", (), 0.0, None, INF, {"lower": None}),
+        ("slips", (), 0.0, None, 1e300, "SLIPS, but it is not shown that no commands hold the load"),
+        ("slips", (0.0,), 0.0, None, INF, "SLIPS with commands, or with a path"),
+        ("holds", (0.0, 1.0), 2.0, 1.0, 1.5, {"preload": {"jaw": 2.0}, "lower": 1.0, "upper": 2.0}),
+        ("holds", (0.0, 1.0), 2.0, 2.0, INF, {"preload": {"jaw": 2.0}, "lower": 2.0, "upper": 2.0}),
+        ("holds", (0.0, 1.0), -2.0, 1.0, 1.5, {"preload": {"jaw": -2.0}, "lower": 1.0, "upper": 2.0}),
+        ("holds", (0.0, 1.0), 2.0, 1.75, 1.5, "a lower bound of 1.75; 1.5 is shown"),
+        ("holds", (0.0, 1.0), 2.0, 2.25, INF, "a lower bound of 2.25; 2 is shown"),
+        ("holds", (0.0, 1.0), 2.0, -1.0, 1.5, "a lower bound of -1.0; 1.5 is shown"),
+        ("holds", (0.0, 1.0), 2.0, None, 1.5, "a lower bound of None; 1.5 is shown"),
+        ("holds", (0.0, 0.5), 2.0, 1.0, 1.5, "HOLDS, but the whole load is not reached"),
+        ("holds", (), 2.0, 1.0, 1.5, "HOLDS, but the whole load is not reached"),
+    ],
+)
+def test_what_commands_on_a_path_may_say(
+    verdict: str, magnitudes: Any, command: float, lower: float | None, lowest: float, shown: Any
+) -> None:
+    sought, q = looked_for(-1.0 if command < 0 else 1.0), asked(command)
+    saved = path("torques", verdict, *magnitudes, q=q, lower=lower, sought=sought, bound=STATE)
+    before, ended = last(saved)
+    if isinstance(shown, str):
+        with pytest.raises(Refused, match=f"^{re.escape(shown)}$"):
+            path_steps._torques(saved, sought, before, ended, lowest)
+        return
+    none = {"certified": True, "preload": None, "upper": None}
+    assert path_steps._torques(saved, sought, before, ended, lowest) == none | shown
+    bare = replace(saved, bound=None)
+    assert path_steps._torques(bare, sought, before, ended, lowest) == none | shown | {"certified": False}
+
+
+def test_commands_of_a_path_have_their_sense_and_its_bound_a_reach(monkeypatch: pytest.MonkeyPatch) -> None:
+    saved = path("torques", "holds", 0.0, 1.0, q=asked(2.0), lower=1.0)
+    before, _ = last(saved)
+    with pytest.raises(Refused, match=r"^HOLDS, but the whole load is not reached$"):
+        path_steps._torques(saved, looked_for(), before, True, 1.5)
+    with pytest.raises(Refused, match=r"^a command has the wrong sense$"):
+        path_steps._torques(saved, looked_for(-1.0), before, False, 1.5)
+    # a state moves by 3 N, of a load of 2 N
+    for reach, lower, ok in ((1.51, 1.0, True), (1.49, 1.0, False), (1.49, 0.0, True)):
+        monkeypatch.setattr(path_steps, "STATE_REACH", reach)
+        saved = path("torques", "holds", 0.0, 1.0, q=asked(2.0), lower=lower)
+        if ok:
+            assert path_steps._torques(saved, looked_for(), before, False, 1.5)["lower"] == lower
+        else:
+            with pytest.raises(Refused, match=r"^its path moves by 3 N, of which its bound says nothing$"):
+                path_steps._torques(saved, looked_for(), before, False, 1.5)
+
+
+class Bound:
+    """Cases that show so much, or are none."""
+
+    leaves = (1, 2, 3)
+
+    def __init__(self, lowest: float | None) -> None:
+        self.lowest = lowest
+
+    def lower(self, sought: Any) -> float:
+        if self.lowest is None:
+            raise BadFile("is no case", "bound.leaves[0]")
+        return self.lowest
+
+
+@pytest.mark.parametrize(
+    ("verdict", "lower", "lowest", "claim", "reason"),
+    [
+        ("holds", 1.0, 1.5, " below 1", ""),
+        ("holds", 1.5, 1.5, " below 1.5", ""),
+        ("undecided", None, 1.5, " below 0", ""),
+        ("holds", 1.75, 1.5, " below 1.75", "its cases show 1.5, the answer says 1.75"),
+        ("slips", None, INF, "", ""),
+        ("slips", None, 1.5, "", "its cases show 1.5, the answer says inf"),
+    ],
+)
+def test_what_cases_of_commands_show(verdict: str, lower: float | None, lowest: float, claim: str, reason: str) -> None:
+    saved = path("torques", verdict, lower=lower, bound=Bound(lowest))
+    found, (part,) = path_steps._bounded(saved, looked_for())
+    assert (found, part.name, part.reason) == (lowest, "bound", reason)
+    reach = f", with forces and motions up to {path_steps.STATE_REACH * 2:.6g} N"
+    assert part.claim == f"no commands of jaw hold the load on a path{claim}{reach}"
+    assert part.figures == {"leaves": 3, "lower": lowest}
+    assert path_steps._bounded(replace(saved, bound=None), looked_for()) == (0.0, [])
+    none = replace(saved, bound=Bound(None))  # type: ignore[arg-type]
+    assert path_steps._bounded(none, looked_for()) == (
+        0.0,
+        [Replay("bound", "no commands of jaw are enough", "bound.leaves[0]: is no case")],
+    )
+
+
+# --- steps, one after the other ---------------------------------------------------------------------------
+
+
+def test_steps_follow_from_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    started = read_question(
+        {"grasp": asked_grasp(), "goal": "check", "wrench": [0] * 6}
+        | {"from": {"gaps": [0.0], "stops": [0.0], "slack": [0.0]}},
+        "",
+    )
+    rest, more, none = (
+        Step(0.0, asked(), STATE, None),
+        Step(0.5, started, STATE, None),
+        Step(0.5, started, None, NO_STATE),
+    )
+    steps = replace(path("check", "holds"), steps=(rest, more, replace(more, magnitude=1.0)))
+    monkeypatch.setattr(
+        path_steps, "_not_from", lambda before, start: "" if before is rest else "is no step from there"
+    )
+    assert path_steps._linked(steps, 0, rest, None) is None
+    assert path_steps._linked(steps, 1, more, rest) is None
+    for k, step, before, why in (
+        (0, replace(rest, magnitude=0.5), None, "step 0: is not of the commands alone, from rest"),
+        (0, replace(more, magnitude=0.0), None, "step 0: is not of the commands alone, from rest"),
+        (1, more, None, "step 1: the one before it has no state"),
+        (2, more, rest, "step 2: the one before it has no state"),  # but the one before that
+        (1, replace(more, magnitude=0.0), rest, "step 1: its load is not larger than the one before"),
+        (1, replace(more, question=asked()), rest, "step 1: does not say where it starts from"),
+        (2, steps.steps[2], more, "step 2: is no step from there"),
+    ):
+        with pytest.raises(Refused, match=f"^{why}$"):
+            path_steps._linked(steps, k, step, before)
+    monkeypatch.setattr(
+        path_steps,
+        "refuted",
+        lambda claim, c, *how, complete: Replay("certificate", claim, "", {"motion_cap": 2.0 if complete else None}),
+    )
+    ends = replace(steps, steps=(rest, none))
+    claim = "0.5 times the load is not resisted from the state at 0 times"
+    part, cap = path_steps._none(ends, 1, none, rest)
+    assert (part.claim, cap) == (claim, 2.0)
+    assert (
+        path_steps._none(replace(steps, steps=(none,)), 0, none, None)[0].claim
+        == "the commands alone are in no balance"
+    )
+    for k, step in ((1, replace(none, certificate=None)), (0, none)):
+        with pytest.raises(Refused, match=f"^step {k}: has neither a witness nor, as the last one, a certificate$"):
+            path_steps._none(ends, k, step, rest)
+
+
+def witness(command: float = 1.0, load: float = 2.0) -> Any:
+    return SimpleNamespace(command=np.array([command]), wrench=np.array([0, load, 0, 0, 0, 0]), state=STATE.state)
+
+
+@pytest.mark.parametrize(("radius", "near"), [(0.5, True), (0.51, False), (np.nan, False)])
+def test_a_state_is_gone_on_from_where_it_is_proved(radius: float, near: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    q = asked(1.0)
+    monkeypatch.setattr(path_steps, "near_enough", lambda p, x: 0.5)
+    monkeypatch.setattr(
+        path_steps, "prove", lambda p, x, within: replace(PROVED, radius=radius) if within == 0.5 else None
+    )
+    step = Step(0.5, q, witness(), None)
+    found, part = path_steps._state(2, step)
+    far = f"the state that is proved is {radius:.1e} N from the numbers that the path goes on from"
+    assert (found.radius == radius or radius != radius, part.name, part.reason) == (True, "step 2", "" if near else far)
+    assert part.claim.startswith("0.5 times the load is resisted from the state before")
+    assert path_steps._state(0, step)[1].claim.startswith("the commands alone are in balance")
+    for other in (witness(command=1.1), witness(load=2.1)):
+        with pytest.raises(
+            Refused, match=r"^step 2: its witness is a state under another load, or with other commands$"
+        ):
+            path_steps._state(2, replace(step, witness=other))
+    with pytest.raises(Refused, match=r"^step 2: has a witness and a certificate$"):
+        path_steps._state(2, replace(step, certificate=NO_STATE))
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_all_states_of_a_path_have_in_common(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is exact if all states are, and moves as far as the farthest; a cap is that of its end."""
+    saved = path("check", "slips", 0.0, 0.5, 0.75, end=1.0)
+    found = [replace(PROVED, exact=k != 1, motion=(2.0, 5.0, 3.0)[k]) for k in range(3)]
+    seen: list[Any] = []
+
+    def state(k: int, step: Step) -> tuple[Proved, Replay]:
+        return found[k], Replay(f"step {k}", "", "is wrong" if fails and k == 1 else "")
+
+    monkeypatch.setattr(path_steps, "_linked", lambda *link: seen.append(link[1:]))
+    monkeypatch.setattr(path_steps, "_state", state)
+    monkeypatch.setattr(path_steps, "_none", lambda *end: (Replay("certificate"), 7.0))
+    monkeypatch.setattr(path_steps, "_compare", lambda *said: seen.append(said))
+    done = replay(saved)
+    assert (done.name, done.ok, [part.name for part in done.parts]) == (
+        "check", not fails, ["step 0", "step 1", "step 2", "certificate"]
+    )  # fmt: skip
+    steps = saved.steps
+    assert seen[:4] == [(0, steps[0], None), (1, steps[1], steps[0]), (2, steps[2], steps[1]), (3, steps[3], steps[2])]
+    of_steps = {"exact": False, "motion": 5.0, "motion_cap": 7.0}
+    assert seen[4:] == ([] if fails else [(saved, steps[2], found[2], of_steps, 0.0)])
+    assert (done.claim, saved.reached) == ("", 0.75)
+    if not fails:
+        monkeypatch.setattr(path_steps, "_bounded", lambda saved, sought: (0.25, [Replay("bound")]))
+        done = replay(path("torques", "holds", 0.0, 1.0, sought=looked_for()))
+        assert [part.name for part in done.parts] == ["step 0", "step 1", "bound"]
+        assert seen[-1][-1] == 0.25
+    seen.clear()
+    replay(path("check", "undecided"))
+    assert seen[0][1:] == (None, None, {"exact": None, "motion": None, "motion_cap": None}, 0.0)
+
+
+@pytest.mark.parametrize("more", [{"goal": "torques"}, {"from": {"gaps": [0.0], "stops": [0.0], "slack": [0.0]}}])
+def test_a_path_is_of_a_check_from_rest(more: Data) -> None:
+    question = {"grasp": asked_grasp(), "goal": "check", "wrench": [0, 2, 0, 0, 0, 0]} | more
+    with pytest.raises(BadFile, match=r"^p\.question: is no check from rest with the dissipation principle$"):
+        read_path({"schema": "handfast/path/1", "question": question}, "p")
+
+
+@pytest.mark.parametrize(
+    ("name", "by", "near"),
+    [
+        *(
+            (name, room * sign, True)
+            for name, room in (("gaps", 0.125), ("stops", 0.25), ("slack", 0.5))
+            for sign in (1, -1)
+        ),
+        *(
+            (name, room * sign, False)
+            for name, room in (("gaps", 0.13), ("stops", 0.26), ("slack", 0.51))
+            for sign in (1, -1)
+        ),
+        ("gaps", np.nan, False),
+    ],
+)
+def test_how_far_a_start_may_be_from_where_the_state_came_to(
+    name: str, by: float, near: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came = StartData(np.array([1.0, 2.0]), np.array([3.0]), np.array([4.0]))
+    room = StartData(np.array([9.0, 0.125]), np.array([0.25]), np.array([0.5]))
+    monkeypatch.setattr(path_steps, "came_from", lambda p, x: (came, room) if x is STATE.state else None)
+    own = getattr(came, name).copy()
+    own[-1] += by
+    fault = path_steps._not_from(Step(0.5, asked(), STATE, None), replace(came, **{name: own}))
+    assert fault == ("" if near else f"its {name} are not those to which the state before came")
+
+
+@pytest.mark.parametrize(("query", "of"), [("check", "_check"), ("max", "_max"), ("torques", "_torques")])
+@pytest.mark.parametrize("end", [None, 1.5])
+def test_what_answers_of_all_queries_say(
+    query: str, of: str, end: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    saved = path(query, "holds", 0.0, 0.5, 1.0, end=end, sought=looked_for() if query == "torques" else None)
+    before, ended = last(saved)
+    told: list[Any] = []
+    for name in ("_check", "_max", "_torques"):
+        monkeypatch.setattr(path_steps, name, lambda *asked, name=name: told.append((name, asked)) or {"its": name})
+    monkeypatch.setattr(path_steps, "compare", lambda *said: told.append(said))
+    path_steps._compare(saved, before, PROVED, {"exact": True}, 0.25)
+    (name, given), (said, shown, course) = told
+    if query == "torques":
+        assert (name, given) == (of, (saved, saved.sought, before, ended, 0.25))
+    else:
+        assert (name, given) == (of, (saved, before, PROVED, ended))
+    assert said is saved.said
+    every = {
+        "schema": "handfast/path/1",
+        "query": query,
+        "verdict": "holds",
+        "loading": FIRST,
+        "exact": True,
+        "its": of,
+    }
+    assert shown == every | {"steps": 2 + (end is not None), "certified": end is not None}
+    assert course == (*COURSE_KEYS, "by_steps", "other_choice", "resolution")
+
+
+def test_each_command_of_a_path_has_its_sense() -> None:
+    grasp = asked_grasp()
+    grasp["joints"].append(grasp["joints"][0] | {"name": "thumb"})
+    grasp["preload"] = {"jaw": 1.0, "thumb": 2.0}
+    q = read_question({"grasp": grasp, "goal": "check", "wrench": [0, 2, 0, 0, 0, 0]}, "")
+    saved = path("torques", "holds", 0.0, 1.0, q=q, lower=0.0)
+    for senses in ([1.0, -1.0], [-1.0, 1.0]):
+        sought = SimpleNamespace(**vars(looked_for()) | {"senses": np.array(senses)})
+        with pytest.raises(Refused, match=r"^a command has the wrong sense$"):
+            path_steps._torques(saved, sought, last(saved)[0], False, 1.5)

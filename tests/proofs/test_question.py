@@ -41,6 +41,12 @@ def question(goal: str = CHECK, grasp: dict[str, Any] | None = None, **fields: A
     return read_question(asked(goal, grasp, **fields), "question")
 
 
+def bare(**contact: Any) -> dict[str, Any]:
+    """One contact of a point, which nothing moves."""
+    point = {"position": [0, 0, 0], "normal": [1, 0, 0], "friction": 0.5}
+    return {"schema": "handfast/grasp/1", "contacts": [point | contact]}
+
+
 def lawless() -> dict[str, Any]:
     """The small grasp without laws of joints and without the backdrivable motor; roll has a locked motor besides."""
     data = small_grasp()
@@ -308,6 +314,36 @@ def test_a_share_of_the_preload_has_no_base_load_and_no_limits(fields: dict[str,
     with refused("'smallest preload' knows no base load and no limits", "question.goal"):
         question(SMALLEST_PRELOAD, **fields)
     assert question(LARGEST_GOAL, **fields).goal == LARGEST_GOAL
+
+
+ETA = "0 to 0.7854 is possible, above 0 with the dissipation principle and point contacts alone"
+STEPS_ALONE = "has no meaning here; it is for the goal 'check', with the dissipation principle"
+REST = {"gaps": [0.0], "stops": [], "slack": []}
+
+
+@pytest.mark.parametrize(
+    ("fields", "field", "problem"),
+    [
+        ({"eta": MAX_ETA}, "eta", f"is 0.785398 rad; {ETA}"),
+        ({"eta": 0.1, "mdp": False}, "eta", f"is 0.1 rad; {ETA}"),
+        ({"eta": 0.1, "grasp": bare(torsion=0.25)}, "eta", f"is 0.1 rad; {ETA}"),
+        ({"from": REST, "mdp": False}, "from", STEPS_ALONE),
+        ({"from": REST, "goal": TORQUES}, "from", STEPS_ALONE),
+        ({"from": REST | {"gaps": []}}, "from.gaps", "has 0 numbers; 1 are needed"),
+    ],
+)
+def test_refusals_of_a_single_contact(fields: dict[str, Any], field: str, problem: str) -> None:
+    with refused(problem, f"question.{field}"):
+        read_question(asked(grasp=bare()) | fields, "question")
+
+
+def test_a_step_starts_from_the_state_before() -> None:
+    q = read_question(asked(grasp=bare()) | {"from": REST | {"gaps": [-0.5]}}, "q")
+    assert q.grasp.start is not None
+    assert q.grasp.start.gaps.tolist() == [-0.5]
+    assert q.claim(None) == "the disturbance is not resisted from the state before"
+    assert read_question(asked(grasp=bare()) | {"from": None}, "q").grasp.start is None
+    assert question(grasp=bare(), mdp=False).eta == 0
 
 
 def test_uncertain_normals() -> None:

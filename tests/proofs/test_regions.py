@@ -350,7 +350,7 @@ def test_weights_of_the_control_points_of_a_part() -> None:
     )
 
 
-@pytest.mark.parametrize(("degree", "wide"), [(3, False), (MAX_PATCH_DEGREE, True)])
+@pytest.mark.parametrize(("degree", "wide"), [(3, False), (60, True), (MAX_PATCH_DEGREE, True)])
 def test_binomials_are_enclosed(degree: int, wide: bool) -> None:
     """Those of a high degree are no floating-point numbers."""
     binomials, up, down = _weights((degree, 1), degree + 1)
@@ -406,3 +406,22 @@ def test_what_a_region_in_a_file_is() -> None:
 def test_faults_of_regions_name_their_field(region: dict[str, Any], words: str) -> None:
     with pytest.raises(BadFile, match=f"^{re.escape(words)}$"):
         read_region(Fields(region, "r"))
+
+
+@pytest.mark.parametrize(("name", "values", "slopes"), [("bilinear", 0.85, 0.5), ("degrees that differ", 0.95, 0.7)])
+def test_what_is_over_a_box_is_narrower_where_it_is_cut(name: str, values: float, slopes: float) -> None:
+    """Normals and their derivatives, of boxes a fifth as wide as the region."""
+    those, n = side(REGIONS[name])
+    x = Interval.between(*boxes(n, 0.1))
+    cut, whole = (of(x).normal for of in (those.over, those._over))
+    for narrow, wide, most in ((cut.value, whole.value, values), (cut.slope, whole.slope, slopes)):
+        assert np.median((narrow.hi - narrow.lo).max(axis=-1) / (wide.hi - wide.lo).max(axis=-1)) < most
+        assert (narrow.lo >= wide.lo - 1e-9).all()
+        assert (narrow.hi <= wide.hi + 1e-9).all()
+
+
+def test_a_cap_of_the_hand_stands_still() -> None:
+    still = ContactSide.of([read_region(Fields({"cap": CAP}))], np.array([[0, 1]]), still=True)
+    for part in still.at(Interval.of(np.array([[0.3, 0.4]]))):
+        assert part.slope.shape == (2, 1, 1, 3)
+        assert not part.slope.mag.any()
