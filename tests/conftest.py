@@ -52,6 +52,16 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture(autouse=True)
+def states_proved_once(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That a state exists is proved once, whoever asks again with the same numbers; but where proofs are tested."""
+    if "tests/proofs/" not in request.path.as_posix() and "PROVE_ANEW" not in os.environ:
+        from tests.support.once import STATES
+
+        for place, name, work in STATES:
+            monkeypatch.setattr(place, name, work)
+
+
 @pytest.fixture
 def proved_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a file and of those forged from it the same proof is replayed once."""

@@ -6,15 +6,17 @@ numbers, the same.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import wraps
 from typing import Any
 
 import numpy as np
 
-from handfast.proofs import answers, checker, grasps, ranges
+from handfast.proofs import answers, checker, existence, grasps, path_steps, ranges
+from handfast.stability.answers import answer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.studies.ask_again import Claim, Clock
 
@@ -38,10 +40,21 @@ def _question(claim: Claim, query: Callable[..., Answer], load: np.ndarray, cloc
     return claim.grasp, claim.terms, claim.gap, query, load, clock.question_timeout, more
 
 
-PROVED = once(answers.prove)
+def _parts(given: Any) -> Iterator[Any]:
+    """What something is made of, without what is worked out of it and kept beside."""
+    if dataclasses.is_dataclass(given):
+        for field in dataclasses.fields(given):
+            yield from _parts(getattr(given, field.name))
+    elif isinstance(given, np.ndarray):
+        yield given.shape, given.dtype.str, given.tobytes()
+    else:
+        yield given
+
+
+PROVED = once(existence.prove, lambda *given, **named: [*map(list, map(_parts, given)), named])
+STATES = [(place, "prove", PROVED) for place in (answer, answers, existence, grasps, path_steps)]
 PROOFS = (  # of witnesses, certificates, arcs, and what motors can do
-    (answers, "prove", PROVED),
-    (grasps, "prove", PROVED),
+    *STATES,
     (grasps, "contact_force_limits", once(grasps.contact_force_limits)),
     (checker, "verify", once(checker.verify)),
     (ranges, "replayed", once(ranges.replayed)),
