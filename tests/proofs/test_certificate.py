@@ -78,15 +78,16 @@ def test_files_hold_question_and_proof():
 
 def test_ranges():
     q = preload()
-    for scalar in ((0.0, 1.5), (0.25, np.inf)):
+    for scalar in ((0.0, 1.5), (0.25, np.inf), (0.5, 0.5)):
         back = read_certificate(proof_to_dict(Certificate.of_root(q, scalar)), "", q)
         assert back.scalar == scalar
+        assert back.claim == q.claim(scalar) != q.claim(None)
     for scalar, why in (
-        ([-1.0, 2.0], "is -1 to 2, not a range"),
-        ([2.0, 1.0], "is 2 to 1, not a range"),
-        (None, "is the range of the goal's scalar"),
-        ([1.0], "is no range; two numbers"),
-        (1.0, "is no range; two numbers"),
+        ([-1.0, 2.0], "c.scalar: is -1 to 2, not a range"),
+        ([2.0, 1.0], "c.scalar: is 2 to 1, not a range"),
+        (None, "c.scalar: is the range of the goal's scalar"),
+        ([1.0], "c.scalar: is no range; two numbers"),
+        (1.0, "c.scalar: is no range; two numbers"),
         ([None, 1.0], "scalar: has None where a number is needed"),
         ([0.0, "1"], "scalar: has '1' where a number"),
     ):
@@ -116,7 +117,9 @@ BAD = {
     "a bomb": (lambda: compressed(lambda raw: bytes(10**7)), "c.proof: is not of the 256 bytes"),
     "another count": (lambda: proof_to_dict(proof()) | {"rows": 7}, "c.proof: is not of the 280 bytes"),
     "a huge count": (lambda: proof_to_dict(proof()) | {"rows": 10**12}, "c.rows: has 5 nodes and 1000000000000 rows"),
-    "a huge table": (lambda: proof_to_dict(proof()) | {"references": 10**12}, "at most 268435456 are possible"),
+    "a huge table": (lambda: proof_to_dict(proof()) | {"references": 10**12}, r"c.proof: is of .*; at most 2"),
+    "a huge tree": (lambda: proof_to_dict(proof()) | {"nodes": 2 * 10**7}, "c.rows: has 20000000 nodes and 6"),
+    "many rows": (lambda: proof_to_dict(proof()) | {"rows": 8_300_000}, "c.proof: is not of the"),  # 12 numbers each
     "a negative count": (lambda: proof_to_dict(proof()) | {"nodes": -1}, "c.nodes: is -1; a whole number of 0 or more"),
     "half a count": (lambda: proof_to_dict(proof()) | {"leaves": 2.5}, "c.leaves: is 2.5; a whole number"),
     "no text": (lambda: proof_to_dict(proof()) | {"proof": 5}, "c.proof: is 5; a text"),
@@ -161,6 +164,7 @@ SHAPES = {
     "beyond": ({"b": [2**31] * 6}, r"b: has a number beyond 2\^31"),
     "far below": ({"left": [-(2**31) - 1] * 5}, r"left: has a number beyond 2\^31"),
     "no start": ({"start": []}, "start: must rise from 0 to the number of rows, 6"),
+    "a table of starts": ({"start": [[0, 1, 2, 6]]}, r"start: has shape \(1, 4\); a row of numbers are needed"),
     "late start": ({"start": [1, 2, 3, 6]}, "start: must rise from 0"),
     "early end": ({"start": [0, 1, 2, 5]}, "start: must rise from 0"),
     "falls": ({"start": [0, 2, 1, 6]}, "start: must rise from 0"),
@@ -181,6 +185,11 @@ def test_multipliers_are_divided_by_the_largest_of_their_leaf():
     assert many.multiplier.tolist() == [1e60, 3e-60, 4.0, 2.0, 1.0, 0.0]
     assert many.rounded().multiplier.tolist() == [1, 1, 1, 0.5, 0.25, 0]
     given = np.array([0.5, 2, 4, 2, 1, 0], dtype=np.float32)
+    none = Certificate(walls(), None, **(arrays() | {"multiplier": [0.0] * 6})).rounded()
+    assert none.multiplier.tolist() == [0.0] * 6
+    assert Certificate(walls(), None, **(arrays() | {"multiplier": [1] * 6})).multiplier.dtype == np.float64
+    empty: dict[str, list[int]] = {name: [] for name in (*ROW_ARRAYS, "multiplier")}
+    assert proof(**empty, start=[0]).rounded().multiplier.tolist() == []  # without leaves
     assert Certificate(walls(), None, **(arrays() | {"multiplier": given})).multiplier.tolist() == given.tolist()
     assert many.leaves.tolist() == [1, 3, 4]
     assert many.claim == "the disturbance is not resisted"
