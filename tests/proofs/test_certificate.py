@@ -93,6 +93,8 @@ def test_ranges():
     ):
         with pytest.raises(BadFile, match=why):
             read_certificate(proof_to_dict(Certificate.of_root(q, (0.0, 1.0))) | {"scalar": scalar}, "c", q)
+    given: list[int] = [0, 2]
+    assert repr(Certificate.of_root(q, given).scalar) == "(0.0, 2.0)"  # type: ignore[arg-type]
     with pytest.raises(BadFile, match="null for a check"):
         Certificate.of_root(walls(), (0.0, 1.0))
 
@@ -119,7 +121,6 @@ BAD = {
     "a huge count": (lambda: proof_to_dict(proof()) | {"rows": 10**12}, "c.rows: has 5 nodes and 1000000000000 rows"),
     "a huge table": (lambda: proof_to_dict(proof()) | {"references": 10**12}, r"c.proof: is of .*; at most 2"),
     "a huge tree": (lambda: proof_to_dict(proof()) | {"nodes": 2 * 10**7}, "c.rows: has 20000000 nodes and 6"),
-    "many rows": (lambda: proof_to_dict(proof()) | {"rows": 8_300_000}, "c.proof: is not of the"),  # 12 numbers each
     "a negative count": (lambda: proof_to_dict(proof()) | {"nodes": -1}, "c.nodes: is -1; a whole number of 0 or more"),
     "half a count": (lambda: proof_to_dict(proof()) | {"leaves": 2.5}, "c.leaves: is 2.5; a whole number"),
     "no text": (lambda: proof_to_dict(proof()) | {"proof": 5}, "c.proof: is 5; a text"),
@@ -133,6 +134,29 @@ def test_bad_files(name):
     make, why = BAD[name]
     with pytest.raises(BadFile, match=why):
         read_certificate(make(), "c", walls())
+
+
+def test_how_large_a_proof_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 2 contacts, a joint and an actuator: 13 numbers of each of 6 rows, 9 of each of 5 nodes; 256 bytes."""
+    q = pinch([0] * 6, joints=[{"name": "a", "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]}])
+    data = proof_to_dict(proof(q=q))
+    for name, most, why in (
+        ("MAX_CERTIFICATE_NUMBERS", 6 * 13 + 5 * 9, "c.rows: has 5 nodes and 6 rows about 2 contacts, 1.2e"),
+        ("MAX_PROOF_BYTES", 256, "c.proof: is of 256 bytes"),
+    ):
+        monkeypatch.setattr(certificate, name, most)
+        assert len(read_certificate(data, "c", q).kind) == 6
+        monkeypatch.setattr(certificate, name, most - 1)
+        with pytest.raises(BadFile, match=why):
+            read_certificate(data, "c", q)
+        monkeypatch.undo()
+
+
+def test_a_proof_of_a_check_needs_no_scalar() -> None:
+    data = proof_to_dict(Certificate.of_root(walls(), None))
+    assert data.pop("scalar") is None
+    assert data["bits"] == 32
+    assert read_certificate(data, "", walls()).scalar is None
 
 
 def test_no_more_is_unpacked_than_the_counts_say(monkeypatch):
@@ -188,6 +212,8 @@ def test_multipliers_are_divided_by_the_largest_of_their_leaf():
     none = Certificate(walls(), None, **(arrays() | {"multiplier": [0.0] * 6})).rounded()
     assert none.multiplier.tolist() == [0.0] * 6
     assert Certificate(walls(), None, **(arrays() | {"multiplier": [1] * 6})).multiplier.dtype == np.float64
+    whole = proof(references=[[1, 2, 3]])
+    assert whole.references.dtype == np.float64
     empty: dict[str, list[int]] = {name: [] for name in (*ROW_ARRAYS, "multiplier")}
     assert proof(**empty, start=[0]).rounded().multiplier.tolist() == []  # without leaves
     assert Certificate(walls(), None, **(arrays() | {"multiplier": given})).multiplier.tolist() == given.tolist()
