@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +26,7 @@ from handfast.proofs.leaves import (
     CitedRows,
     Late,
     LeafSystems,
+    Square,
     _compact,
     _groups,
     _inverse,
@@ -542,3 +545,144 @@ def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin
         found._choose(np.array([0]), 1e-9)
         for least in (floats, exact_margin(found, 0)[0]):
             assert margin - 1e-8 * abs(margin) <= least <= margin
+
+
+# --- parts by hand: two walls across from each other at -x and x; r is the columns 0 to 5, c the columns 6 to 11
+
+
+def walls_of(counts: list[int], wrench: Sequence[float] = (0.0,) * 6, **more: Any) -> LeafSystems:
+    """Leaves with so many rows that say nothing, for what is put into them."""
+    q = pinch(wrench, **more)
+    made = equations_of(q)
+    R, L = sum(counts), len(counts)
+    none, zero = np.zeros(R, dtype=bool), np.zeros((L, made.columns.n), dtype=bool)
+    value, start = np.zeros((R, made.columns.n + len(made.Z))), np.cumsum([0, *counts])
+    cited = CitedRows(value, np.zeros(R), np.arange(R), none.copy(), np.ones(R), start, zero, none, none)
+    scalar = (1.0, 2.0) if q.has_scalar else None
+    return LeafSystems(made, RightSide.of(q, scalar, len(made.E)), cited, np.inf)
+
+
+def mask(size: int, *places: int) -> Mask:
+    out = np.zeros(size, dtype=bool)
+    out[list(places)] = True
+    return out
+
+
+def test_the_row_with_the_largest_multiplier_of_those_used_is_left_out() -> None:
+    """The first row of several; an equality where it is larger than all rows, or there are none."""
+    found = walls_of([3, 0, 2, 2])
+    found.y, found.used = np.array([1.0, 3, 3, 2, 2, 9, 1]), np.array([1, 1, 1, 1, 1, 0, 1], dtype=bool)
+    found.v = np.array([[0, 0, -2, 0, 0, -9], [0, -0.5, 0.25, 0, 0, 0], [0, 0, 0, -2, 0, 0], [0, 0, 0, 0, -1.5, 0]])
+    found.used_E = (found.v != 0) & (found.v > -9)
+    found.basis, found.basis_E = found.used.copy(), found.used_E.copy()
+    found._leave_out_one()
+    assert np.flatnonzero(found.basis).tolist() == [0, 2, 4, 6]
+    assert np.argwhere(found.basis_E).tolist() == [[0, 2], [1, 2], [2, 3]]
+
+
+def test_which_rows_and_equalities_are_used() -> None:
+    """Those whose multipliers are no less than a share of the largest of their leaf, and that touch what is not 0."""
+    found = walls_of([2, 1, 0])
+    found.stated = np.array([1.0, 0.5, 1e-4])
+    found.touches = np.array([mask(12, 0, 6), mask(12, 7), mask(12, 8)])
+    found.E_touches = np.array([mask(12, 6, 9), mask(12, 7), mask(12, 10), *[mask(12, 11)] * 3])
+    found.rows.zero[0, 7] = True
+    v = np.array([[0.5, -0.25, -1e-4, 0, 0, 0], [0, 0, 0, -1.0, 0, 0], [-2.0, 0, 2e-3, 0, 0, 0]])
+    found._use(v, 1e-3)
+    assert found.top.tolist() == [1, 1, 2]
+    assert found.y.tolist() == [1, 0.5, 0]
+    assert found.used.tolist() == [True, False, False]
+    assert found.v.tolist() == [[0.5, -0.25, 0, 0, 0, 0], [0, 0, 0, -1, 0, 0], [-2, 0, 0, 0, 0, 0]]
+    assert np.argwhere(found.used_E).tolist() == [[0, 0], [1, 3], [2, 0]]
+    assert [np.flatnonzero(x).tolist() for x in found.alive] == [[0, 6, 9], [11], [6, 9]]
+
+
+@pytest.mark.parametrize(("least", "normal"), [(1e-9, -1.0), (0.9, 0.0)])
+def test_equalities_are_solved_for_again_without_what_is_0(least: float, normal: float) -> None:
+    """Contact 1 is open in the first leaf: its c_n is in (1) of x alone, the others in two equations each.
+
+    Contact 0 is open in the second, which has no rows: what is left of the load of -1 along y is across (1).
+    least: of singular values, relative; those of the tangents are the square root of 2.
+    """
+    found = walls_of([1, 0, 0], wrench=[0, 1, 0, 0, 0, 0])
+    before = found.v[2].copy()
+    found.rest = np.array([[0.0] * 6 + [1, 2, 3, 4, 5, 6]] * 3)
+    found.rows.zero[0, 9:], found.rows.zero[1, 6:9] = True, True
+    found._solve_again(np.array([0, 1]), least)
+    np.testing.assert_allclose(found.v[0], [normal, 1.5, -1, 0, -1, -1.5], atol=1e-14)
+    np.testing.assert_allclose(found.v[1], [0, -0.5, 0, 0, 0, 0.5], atol=1e-14)
+    assert found.v[2].tolist() == before.tolist()
+    assert found.used_E[1].tolist() == [False, True, False, False, False, True]  # and are taken for what is used
+
+
+@pytest.mark.parametrize(
+    ("y", "v", "either", "basis", "basis_E"),
+    [
+        ([5, 1, 2, 3], [0, 0], [3], [2, 3], []),  # any sign first, then the larger; the largest is left over
+        ([5, 2, 1, 3], [0, 0], [3], [1, 3], []),
+        ([5, 2, 1, 3], [0.1, 0], [3], [3], [0]),
+        ([5, 1, 2, 3], [0.1, 0], [], [3], [0]),
+        ([1, 5, 2, 3], [0.1, 0.1], [], [], [0, 1]),
+        ([5, 1, 2, 3], [-9, 0], [], [0, 3], []),  # it may be an equality
+        ([5, 9, 2, 3], [-9, 0], [], [0, 3], []),  # two are the largest
+    ],
+)
+def test_which_rows_are_chosen_by_elimination(
+    y: list[float], v: list[float], either: list[int], basis, basis_E
+) -> None:
+    """Rows along x, y, y, and 3 x + y; (1) of x along x, that of y along x + y. What is not alive does not count."""
+    found = walls_of([1, 4])
+    found.y, found.v[1, :2] = np.array([1.0, *y]), v
+    found.used, found.used_E = mask(5, 0, 1, 2, 3, 4), found.v != 0
+    found.rows.either[1 + np.array(either, dtype=int)] = True
+    every = np.zeros((12, 13))
+    every[:7, :2] = [[1, 0], [1, 0], [0, 1], [0, 1], [3, 1], [1, 0], [1, 1]]
+    every[1:7, 5] = 7.0
+    found.every, found.alive = every, np.array([mask(12, 5), mask(12, 0, 1)])
+    found.basis, found.basis_E, found.columns = ~found.used, ~found.used_E, ~found.alive
+    found._choose(np.array([0, 1]), 1e-6)
+    assert not found.basis[0]  # the first leaf has no pivot in what is alive
+    assert np.flatnonzero(found.basis[1:]).tolist() == basis
+    assert np.argwhere(found.basis_E).tolist() == [[1, k] for k in basis_E]
+    assert [np.flatnonzero(x).tolist() for x in found.columns] == [[], [0, 1]]
+
+
+def test_where_the_rows_of_leaves_stand_among_rows_and_equalities() -> None:
+    """R = 3 rows and 6 equalities: 9 stands for none."""
+    found = walls_of([2, 1])
+    equalities = np.array([mask(6, 1), mask(6, 0, 2)])
+    for width, ends in ((None, ()), (4, (9,))):
+        index, there = found.places(np.array([0, 1]), mask(3, 0, 2), equalities, width)
+        assert index.tolist() == [[0, 4, 9, *ends], [2, 3, 5, *ends]]
+        assert there.tolist() == [[True, True, False, *(False for _ in ends)], [True] * 3 + [False for _ in ends]]
+    assert found.places(np.array([1]), mask(3, 0, 2), equalities, 2)[0].tolist() == [[2, 3]]
+
+
+@pytest.mark.parametrize(("upper", "regular"), [(0.25, True), (0.5, False), (0.75, False)])
+def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, upper: float, regular: bool) -> None:
+    """B = diag(2, 4), X = B^-1 + (0, upper / 2; 0, 0): B X is 1 + (0, upper; 0, 0).
+
+    The error of entries, 2^-12, times 4, the largest of the second row, and all of |X|, comes to that.
+    """
+    B, X = np.diag([2.0, 4.0]), np.array([[0.5, upper / 2], [0.0, 0.25]])
+    monkeypatch.setattr(leaves, "_inverse", lambda b: X[None] if np.array_equal(b[0], B) else 0 * b)
+    every = np.zeros((4, 3))
+    every[:2, :2] = B
+    systems = SimpleNamespace(
+        which=np.arange(2), E=np.zeros((1, 2)), basis=None, basis_E=None, columns=np.ones((1, 2), dtype=bool),
+        places=lambda *_: (np.array([[0, 1]]), np.ones((1, 2), dtype=bool)), row_of=np.arange(4), every=every,
+        more=np.zeros((2, 1)), count=np.array([2]), largest=np.array([0.5, 4.0]), E_largest=np.ones(1), error=2.0**-12,
+    )  # fmt: skip
+    square = Square(systems, np.array([0]), np.array([2]))  # type: ignore[arg-type]
+    size = 0.75 + upper / 2
+    rows, columns = max(upper + 2.0**-12 * size, 2.0**-10 * size), np.array([0, upper]) + 2.0**-10 * size
+    assert square.regular.tolist() == [regular]
+    residual = np.array([[1.0, 8.0]])
+    with np.errstate(all="ignore"):
+        bound, sound = square.bound(residual)
+    assert sound.tolist() == [regular]
+    at_most = np.array([0.5, upper / 2 + 2.0])
+    wanted = at_most + at_most.sum() / (1 - rows) * columns if regular else np.zeros(2)
+    assert (bound[0] >= wanted).all()
+    np.testing.assert_allclose(bound[0], wanted, rtol=1e-8)
+    assert square.solution(residual)[0].tolist() == (at_most.tolist() if regular else [0, 0])
