@@ -686,3 +686,265 @@ def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, 
     assert (bound[0] >= wanted).all()
     np.testing.assert_allclose(bound[0], wanted, rtol=1e-8)
     assert square.solution(residual)[0].tolist() == (at_most.tolist() if regular else [0, 0])
+
+
+def test_which_systems_are_tried_again_with_the_rank_by_entries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(rows, unknowns), rank by counting, by entries; filled up to the rank where rows are not one more than unknowns.
+
+    Tried again is what was not shown, and has a lower rank by entries.
+    """
+    table = {
+        (3, 2): (9, 9),  # square, shown
+        (4, 2): (2, 9),  # one row too many
+        (2, 3): (2, 1),  # as many rows as the rank: nothing follows before entries are counted
+        (1, 0): (9, 9),  # nothing to cancel
+        (3, 2, ""): (9, 1),  # square, but singular
+        (3, 2, " "): (9, 2),  # no lower rank: it is not tried again
+        (5, 3): (2, 2),
+    }
+    shapes = [key[:2] for key in table]
+    found = walls_of([rows for rows, _ in shapes])
+    found.used[:], found.used_E[:] = True, False
+    found.alive = np.array([np.arange(12) < columns for _, columns in shapes])
+    tried: list[tuple[list[int], list[list[int]]]] = []
+
+    def ranks(leaves: Integers, by_entries: bool = False) -> Integers:
+        """In motions, and in the other unknowns."""
+        total = np.array(list(table.values()))[leaves, int(by_entries)]
+        return np.column_stack([total - 1, np.ones_like(total)])
+
+    def squares(leaves: Integers) -> list[SimpleNamespace]:
+        tried.append((leaves.tolist(), found.more[:, leaves].T.tolist()))
+        return [SimpleNamespace(leaves=leaves, regular=np.isin(leaves, [0, 1, 3]))]
+
+    given = np.array([0.5, 0.25, 0.0, -1.0, -np.inf, np.nan, 1.0])
+    monkeypatch.setattr(found, "_most_ranks", ranks)
+    monkeypatch.setattr(found, "_squares", squares)
+    monkeypatch.setattr(found, "_enclosed", lambda shown: given if len(shown) == 2 else 0 * given)
+    margins, caps = found.proved(quick=True)
+    assert tried[0] == ([0, 1, 3, 4, 5, 6], [[0, 0], [0, 1], [0, 0], [0, 0], [0, 0], [1, 2]])
+    assert tried[1] == ([2, 4], [[2, 0], [1, 1]])
+    np.testing.assert_array_equal(margins, given)
+    assert np.isinf(caps).all()
+
+
+def test_what_floats_do_not_show_is_tried_in_rational_numbers_with_ever_larger_pivots(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """First with the multipliers as they are stated, then with those that are solved for again."""
+    found, done = walls_of([1, 1, 1, 1]), list[Any]()
+    found.alive[:] = True
+    found.alive[3] = False
+    wanted = {1: 0, 2: 2}  # a leaf: after how many others it is proved
+    asked = dict.fromkeys(range(4), 0)
+
+    def exact(systems: LeafSystems, leaf: int) -> tuple[float, float]:
+        asked[leaf] += 1
+        return (0.5, 8.0) if asked[leaf] > wanted.get(leaf, 9) else (-1.0, 4.0)
+
+    monkeypatch.setattr(found, "_enclosed", lambda _: np.array([0.5, 0.0, -np.inf, np.nan]))
+    monkeypatch.setattr(found, "_squares", lambda _: [])
+    monkeypatch.setattr(found, "_most_ranks", lambda some, by_entries=False: np.full((len(some), 2), 9))
+    monkeypatch.setattr(found, "_use", lambda v: done.append(v is found.stated_v))
+    monkeypatch.setattr(found, "_choose", lambda some, least: done.append(("choose", some.tolist(), least)))
+    monkeypatch.setattr(found, "_solve_again", lambda some, least: done.append(("solve", some.tolist(), least)))
+    monkeypatch.setattr(leaves, "exact_margin", exact)
+    monkeypatch.setattr(leaves, "in_time", lambda until: done.append(until))
+    margins, caps = found.proved(quick=False)
+    assert done == [
+        True, ("choose", [1, 2], 1e-9), *[np.inf] * 3,
+        ("solve", [2, 3], 1e-9), ("choose", [2], 1e-9), *[np.inf] * 2,
+        ("solve", [2, 3], 1e-6), ("choose", [2], 1e-6), *[np.inf] * 2,
+        ("solve", [3], 1e-4), ("choose", [], 1e-4), np.inf,
+    ]  # fmt: skip
+    assert margins.tolist() == [0.5, 0.5, 0.5, -1]
+    assert caps.tolist() == [np.inf, 8, 8, np.inf]  # of what is not proved there is none
+    done.clear()
+    monkeypatch.setattr(found, "_enclosed", lambda _: np.ones(4))
+    assert found.proved(quick=False)[0].tolist() == [1, 1, 1, 1]
+    assert done == []
+
+
+@pytest.mark.parametrize(
+    ("slip", "grows", "energy", "less"),
+    [
+        (0, 0, 0, 0),
+        (0.25, 0, 0, 0.25 * 1.125),
+        (0, 1.5, 0, 1.5 * 1.125),  # 1.75, the least multiplier of the first end, is more: that end, 1
+        (0, 1.6, 0, 1.6 * 1.125 * 4),  # less: the farther one, 4
+        (0, 0, 0.5, 0.5 * 1.125 / 2),
+    ],
+)
+@pytest.mark.parametrize("put_in", [(0.0, 0.0), (0.5, 0.25), (0.5, -0.25)])
+def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
+    slip: float, grows: float, energy: float, less: float, put_in: tuple[float, float]
+) -> None:
+    """Multipliers 1 and 2 of rows with right sides 1 and -1/4, 1/2 of (1) along y, whose right side is -1.
+
+    They may be off by 1/8, 1/4 and 1/16. The first row is 2 d_n of contact 1, over 2, and a balance of energy; the
+    second the scalar's first end. An effort is put in from an equation whose right side is -1.
+    """
+    turning = [{"name": "a", "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]}]
+    found = walls_of([2, 0], wrench=[0, 1, 0, 0, 0, 0], joints=turning, preload={"a": 1.0})
+    side, n = found.side, found.equations.columns.n
+    side = replace(side, slack=0 * side.slack, growth=0 * side.growth, slip=slip, slip_growth=grows, energy=energy)
+    found.side, found.error = replace(side, ends=(1.0, 4.0)), 2.0**-8
+    found.rows.value[0, n + 3], found.unit[0] = 2.0, 2.0
+    found.rows = replace(found.rows, energy=mask(2, 0), first=mask(2, 1))
+    found.y, found.b, found.put_in = np.array([1.0, 2.0]), np.array([1.0, -0.25]), np.array(put_in)[:, None]
+    found.v = np.array([[0, -0.5, 0, 0, 0, 0, 9.0], np.zeros(7)])
+    found.h[6] = -1.0
+    change = np.array([0.125, 0.25, 0, 0.0625, 0, 0, 0, 0, 9.0])
+    asked: list[Array] = []
+
+    def margins(sound: bool) -> Array:
+        def bound(residual: Array) -> tuple[Array, Mask]:
+            asked.append(residual)
+            return np.array([change, 0 * change]), np.array([sound, True])
+
+        places = np.array([np.arange(9), [*[16] * 2, *range(9, 16)]])
+        square = SimpleNamespace(places=places, leaves=np.arange(2), solution=lambda _: np.zeros((2, 9)), bound=bound)
+        given = found.v.copy()
+        out = found._enclosed([square])  # type: ignore[list-item]
+        found.v = given
+        return out
+
+    effort, sizes = put_in[0] + 2 * put_in[1], abs(put_in[0]) + 2 * abs(put_in[1])
+    terms = 2.0 + sizes
+    value = 1.0 - effort - 2.0**-8 * terms
+    value -= 0.125 + 0.25 * 0.25 + 0.0625 + 0.125 * abs(put_in[0]) + 0.25 * abs(put_in[1]) + 2.0**-8 * sizes
+    margin, none = margins(sound=True)
+    assert none == -np.inf  # without any terms
+    assert margin == pytest.approx((value - less) / terms, rel=1e-7)
+    assert margin <= (value - less) / terms
+    entries = found.y @ found.largest[:2] + abs(found.v[0]) @ found.E_largest
+    left = np.abs(found._weighed(found.y) + found.v @ found.E)
+    assert (asked[0] >= left + 2.0**-8 * np.array([[entries], [0.0]])).all()
+    assert margins(sound=False)[0] == -np.inf
+    change[1] = 2.5  # more than the multiplier: an inequality's may be negative
+    assert margins(sound=True)[0] == -np.inf
+    found.rows.either[1] = True
+    assert np.isfinite(margins(sound=True)[0])
+
+
+def two_rows(share: float, column: int, right: float = 1.0, **more: Any) -> LeafSystems:
+    """-r_x + share times another unknown >= 0, and r_x >= 1; r_x alone is chosen to be solved for, by the second."""
+    q = pinch([0] * 6, goal=LARGEST_GOAL, direction=[1, 0, 0, 0, 0, 0])
+    made = equations_of(q)
+    value, none = np.zeros((2, made.columns.n + len(made.Z))), np.zeros(2, dtype=bool)
+    value[:, 0], value[0, column] = (-1, 1), share
+    side = RightSide.of(q, (1.0, 2.0), len(made.E))
+    none_missed: dict[str, Any] = {"slack": 0 * side.slack, "growth": 0 * side.growth, "slip": 0.0, "energy": 0.0}
+    side = replace(side, **none_missed | more)
+    zero = np.zeros((1, made.columns.n), dtype=bool)
+    cited = CitedRows(value, np.array([0, right]), np.arange(2), none, np.ones(2), np.array([0, 2]), zero, none, none)
+    found = LeafSystems(made, side, cited, np.inf)
+    found.basis, found.basis_E, found.columns = mask(2, 1), np.zeros_like(found.used_E), mask(13, 0)[None]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("column", "share", "margin", "cap"),
+    [
+        (1, 2.0**-20, 1.0, 2.0**19),  # up to a motion of 2^19 it takes half of the margin
+        (1, 0.0, 1.0, np.inf),
+        (12, 2.0**-20, -np.inf, np.inf),  # nothing bounds the scalar
+        (12, 0.0, 1.0, np.inf),
+    ],
+)
+def test_what_is_left_over_is_bounded_by_motions_up_to_a_cap(
+    column: int, share: float, margin: float, cap: float
+) -> None:
+    found = two_rows(share, column)
+    assert exact_margin(found, 0) == pytest.approx((margin, cap), rel=1e-8)
+
+
+def test_what_shows_nothing_in_rational_numbers() -> None:
+    """Right sides of 0, a slack without end, multipliers that are no numbers, more columns than rows, no inverse."""
+    none = -np.inf, np.inf
+    assert exact_margin(two_rows(0.0, 1), 0)[0] == pytest.approx(1)
+    assert exact_margin(two_rows(0.0, 1, right=0.0), 0) == none
+    with np.errstate(all="ignore"):
+        assert exact_margin(two_rows(0.0, 1, slip=np.inf), 0) == none
+    assert exact_margin(two_rows(0.0, 1, right=-1.0), 0) == (-1.0, np.inf)
+    for name, bad in (("y", np.inf), ("y", np.nan), ("v", np.inf), ("v", np.nan)):
+        found = two_rows(0.0, 1)
+        getattr(found, name)[..., 0] = bad
+        assert exact_margin(found, 0) == none
+    found = two_rows(0.0, 1)
+    found.columns[0, 1] = True
+    assert exact_margin(found, 0) == none
+    found.columns = mask(13, 2)[None]
+    assert exact_margin(found, 0) == none
+
+
+def test_efforts_are_put_in_where_any_row_knows_them() -> None:
+    """f >= 1 and -c_n >= 0 of contact 0, whose slider is balanced by c_n - f = 0."""
+    slider = [{"name": "a", "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 1, 0], "moves": [0]}]
+    like = walls_of([1], joints=slider, preload={"a": 1.0})
+    like.side = replace(like.side, slack=0 * like.side.slack, slip=0.0, energy=0.0)
+    value = np.zeros((2, like.rows.value.shape[1]))
+    value[0, 13], value[1, 7] = 3.0, -3.0
+    found = a_leaf(like, value, np.array([3.0, 0.0]), np.array([1.0, 1.0]), np.array([False, False]))
+    assert found.put_in.tolist() == [[0.75], [0.0]]  # 3 f, over 4
+    assert found.F[:, [7, 13]].tolist() == [[0.75, 0], [-0.75, 0]]
+    assert found.touches[0].tolist() == mask(14, 7).tolist()
+    assert (found.unit.tolist(), found.largest.tolist(), found.b.tolist()) == ([4, 4], [0.75, 0.75], [0.75, 0])
+    assert found.proved(quick=True)[0] == pytest.approx(1)
+    found._use(found.stated_v)
+    found._choose(np.array([0]), 1e-9)
+    assert exact_margin(found, 0) == (pytest.approx(1), np.inf)
+
+
+def test_ranks_of_point_contacts_by_hand() -> None:
+    """Four contacts in no special place, no joints: by counting and by entries.
+
+    Motions are known by d of contacts, or of the object; forces by (1), where others are of open contacts.
+    """
+    places = [[1, 2, 3], [-2, 1, 1.5], [1, -1.5, 2], [3, 1, -2]]
+    normals = np.array([[1, 2, 2], [2, -1, 2], [2, 2, -1], [-2, 1, 2]]) / 3
+    direction = [1, 2, 3, 1, 2, 3]
+    q = question(
+        [contact(p, n) for p, n in zip(places, normals, strict=True)], [0] * 6, LARGEST_GOAL, direction=direction
+    )
+    made = equations_of(q)
+    n, scalar, every = made.columns.n, made.columns.scalar.start, [*range(6)]
+
+    def d(*contacts: int) -> list[int]:
+        return [n + 3 * k + i for k in contacts for i in range(3)]
+
+    table: list[tuple[list[int], list[int], list[int], bool, list[int]]] = [
+        # columns of rows, equalities, closed contacts, is the scalar known, ranks of motions and forces
+        (2 * d(0), [], [], False, [3, 0]),
+        (2 * d(0, 1), [], [], False, [5, 0]),
+        (2 * d(0, 1, 2), [], [], False, [6, 0]),
+        ([*d(0, 0), 0], [], [], False, [6, 0]),  # the object's motion besides
+        (d(0), [], [], False, [3, 0]),
+        (d(0)[:2], [], [], False, [2, 0]),
+        ([], every, [0, 1], False, [0, 5]),
+        ([], every, [0], False, [0, 3]),
+        ([], every, [0, 1, 2], False, [0, 6]),
+        ([6], every, [0, 1], False, [0, 6]),  # a force of contact 0 besides
+        ([6, 6], every, [0], False, [0, 3]),
+        ([6, 9, 12], every, [0, 1, 2], False, [0, 9]),
+        ([6, 9, 9], every, [0, 1, 2], False, [0, 9]),  # by entries 8: two are about one force
+        ([], every, [0, 1], True, [0, 6]),  # the load besides: torques about both contacts count
+        ([], every[:3], [0, 1], False, [0, 3]),
+        ([], every[1:], [0, 1], False, [0, 5]),
+        ([*d(0), 6], every, [0, 1, 3], False, [3, 7]),
+    ]
+    value = np.zeros((sum(len(row[0]) for row in table), n + len(made.Z)))
+    value[np.arange(len(value)), [column for row in table for column in row[0]]] = 1.0
+    start, zero = np.cumsum([0, *(len(row[0]) for row in table)]), np.zeros((len(table), n), dtype=bool)
+    for k, (_, _, closed, load, _) in enumerate(table):
+        zero[k, made.columns.c] = np.repeat(~mask(4, *closed), 3)
+        zero[k, scalar] = not load
+    none = np.zeros(len(value), dtype=bool)
+    cited = CitedRows(value, 0.0 * none, np.arange(len(value)), none, 1.0 + none, start, zero, none, none)
+    found = LeafSystems(made, RightSide.of(q, (1.0, 2.0), 6), cited, np.inf)
+    found._use(np.array([mask(6, *row[1]).astype(float) for row in table]))
+    for by_entries in (False, True):
+        wanted = [row[-1] for row in table]
+        wanted[12] = [0, 8 if by_entries else 9]
+        assert found._most_ranks(np.arange(len(table)), by_entries).tolist() == wanted
+        assert found._most_ranks(np.array([6]), by_entries).tolist() == [table[6][-1]]
