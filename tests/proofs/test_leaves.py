@@ -66,14 +66,13 @@ def test_values_that_are_there_in_their_order(values):
 
 
 def test_by_how_many_turns_contacts_stay_where_they_are() -> None:
-    """Contacts at -x, +x and once more at +x: about one point 3, about the line of two 1, of three or none are known 0.
+    """Contacts at -x, +x, once more at -x and +x: about a point 3, about the line of two 1, else none.
 
     Two at one place are taken for as many as know no turn.
     """
-    places = [[-0.01, 0, 0], [0.01, 0, 0], [0.01, 0, 0]]
-    g = question([contact(p, [0, 0, 1]) for p in places], [0, 0, 1, 0, 0, 0]).grasp
-    which = np.array([[1, 0, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1], [0, 0, 0]], dtype=bool)
-    assert _turns(g, which).tolist() == [3, 3, 1, 1, 0, 0, 0]
+    g = question([contact([x, 0, 0], [0, 0, 1]) for x in (-0.01, 0.01, -0.01, 0.01)], [0, 0, 1, 0, 0, 0]).grasp
+    about = [[0], [2], [0, 1], [1, 2], [0, 3], [2, 3], [0, 2], [1, 3], [0, 1, 2], [0, 1, 2, 3], []]
+    assert _turns(g, np.array([mask(4, *some) for some in about])).tolist() == [3, 3, 1, 1, 1, 1, 0, 0, 0, 0, 0]
 
 
 def test_multipliers_that_are_taken_for_0_count_for_nothing() -> None:
@@ -320,6 +319,8 @@ def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_grou
     assert sorted(np.concatenate(groups).tolist()) == sorted(leaves.tolist())
     few = np.array(100 * [4] + [20, 30])  # 30^3 - 20^3 is less than a group costs, 100 times as much is more
     assert [sorted(set(few[group].tolist())) for group in _groups(np.arange(102), few)] == [[4], [20, 30]]
+    many = np.array(100 * [20] + [30])  # the 100 are not to be padded from 20 to 30
+    assert [len(group) for group in _groups(np.arange(101), many)] == [100, 1]
     assert [len(group) for group in _groups(np.arange(300), np.full(300, 7))] == [CHUNK, CHUNK, 300 - 2 * CHUNK]
     assert _groups(leaves[:0], size) == []
 
@@ -403,7 +404,7 @@ def a_leaf(found: LeafSystems, value: Array, right: Array, y: Array, either: Mas
     return LeafSystems(found.equations, found.side, cited, np.inf)
 
 
-@pytest.mark.parametrize(("gap", "proved"), [(0.0, True), (1.9, True), (-1.9, True), (2.1, False), (-2.1, False)])
+@pytest.mark.parametrize(("gap", "proved"), [(0.0, True), (1.9, True), (-2.0, True), (2.1, False), (-2.1, False)])
 def test_a_cap_is_none_of_motions_that_were_there_before(monkeypatch: pytest.MonkeyPatch, gap: float, proved) -> None:
     """What holds for motions up to 2 N says nothing where a contact was farther away, or pressed more."""
     monkeypatch.setattr(leaves, "exact_margin", lambda *_: (0.5, 2.0))
@@ -656,9 +657,11 @@ def test_where_the_rows_of_leaves_stand_among_rows_and_equalities() -> None:
         assert index.tolist() == [[0, 4, 9, *ends], [2, 3, 5, *ends]]
         assert there.tolist() == [[True, True, False, *(False for _ in ends)], [True] * 3 + [False for _ in ends]]
     assert found.places(np.array([1]), mask(3, 0, 2), equalities, 2)[0].tolist() == [[2, 3]]
+    assert found.places(np.array([0, 1]), mask(3), mask(12).reshape(2, 6))[0].shape == (2, 0)
+    assert found.places(np.zeros(0, dtype=np.int64), mask(3), equalities)[0].shape == (0, 0)
 
 
-@pytest.mark.parametrize(("upper", "regular"), [(0.25, True), (0.5, False), (0.75, False)])
+@pytest.mark.parametrize(("upper", "regular"), [(0.0, True), (0.25, True), (0.5, False), (0.75, False)])
 def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, upper: float, regular: bool) -> None:
     """B = diag(2, 4), X = B^-1 + (0, upper / 2; 0, 0): B X is 1 + (0, upper; 0, 0).
 
@@ -677,6 +680,7 @@ def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, 
     size = 0.75 + upper / 2
     rows, columns = max(upper + 2.0**-12 * size, 2.0**-10 * size), np.array([0, upper]) + 2.0**-10 * size
     assert square.regular.tolist() == [regular]
+    assert (square._columns[0] >= columns).all()
     residual = np.array([[1.0, 8.0]])
     with np.errstate(all="ignore"):
         bound, sound = square.bound(residual)
@@ -772,6 +776,7 @@ def test_what_floats_do_not_show_is_tried_in_rational_numbers_with_ever_larger_p
         (0.25, 0, 0, 0.25 * 1.125),
         (0, 1.5, 0, 1.5 * 1.125),  # 1.75, the least multiplier of the first end, is more: that end, 1
         (0, 1.6, 0, 1.6 * 1.125 * 4),  # less: the farther one, 4
+        (0, 1.75 / 1.125 * (1 - 5e-10), 0, 1.75 * 4),  # or not surely more
         (0, 0, 0.5, 0.5 * 1.125 / 2),
     ],
 )
@@ -793,7 +798,7 @@ def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
     found.rows = replace(found.rows, energy=mask(2, 0), first=mask(2, 1))
     found.y, found.b, found.put_in = np.array([1.0, 2.0]), np.array([1.0, -0.25]), np.array(put_in)[:, None]
     found.v = np.array([[0, -0.5, 0, 0, 0, 0, 9.0], np.zeros(7)])
-    found.h[6] = -1.0
+    found.h[6], found.F[1, 9] = -1.0, -0.25  # of a force in (1) along y, which is left out by half of it
     change = np.array([0.125, 0.25, 0, 0.0625, 0, 0, 0, 0, 9.0])
     asked: list[Array] = []
 
@@ -819,7 +824,8 @@ def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
     assert margin <= (value - less) / terms
     entries = found.y @ found.largest[:2] + abs(found.v[0]) @ found.E_largest
     left = np.abs(found._weighed(found.y) + found.v @ found.E)
-    assert (asked[0] >= left + 2.0**-8 * np.array([[entries], [0.0]])).all()
+    assert left[0, 9] == 0
+    np.testing.assert_allclose(asked[0], left + 2.0**-8 * np.array([[entries], [0.0]]), rtol=1e-6, atol=1e-299)
     assert margins(sound=False)[0] == -np.inf
     change[1] = 2.5  # more than the multiplier: an inequality's may be negative
     assert margins(sound=True)[0] == -np.inf
@@ -932,6 +938,7 @@ def test_ranks_of_point_contacts_by_hand() -> None:
         ([], every[:3], [0, 1], False, [0, 3]),
         ([], every[1:], [0, 1], False, [0, 5]),
         ([*d(0), 6], every, [0, 1, 3], False, [3, 7]),
+        (d(0)[:2], every, [0, 1], False, [2, 5]),
     ]
     value = np.zeros((sum(len(row[0]) for row in table), n + len(made.Z)))
     value[np.arange(len(value)), [column for row in table for column in row[0]]] = 1.0
@@ -948,3 +955,86 @@ def test_ranks_of_point_contacts_by_hand() -> None:
         wanted[12] = [0, 8 if by_entries else 9]
         assert found._most_ranks(np.arange(len(table)), by_entries).tolist() == wanted
         assert found._most_ranks(np.array([6]), by_entries).tolist() == [table[6][-1]]
+
+
+def test_multipliers_of_equalities_are_improved_once() -> None:
+    """With an inverse that is too small by 2^-10, relative, what it leaves of the rest is 2^-20 of it."""
+    found = walls_of([1, 0], wrench=[0, 1, 0, 0, 0, 0])
+    found.rows.value[0, 6:12] = [1, 2, 3, 4, 5, 6]
+    rough = replace(found.equations)
+    rough.__dict__["inverse"] = found.equations.inverse * (1 - 2.0**-10)
+    better = LeafSystems(rough, found.side, found.rows, np.inf)
+    exact = -better.rest[0] @ found.equations.inverse
+    np.testing.assert_allclose(better.stated_v[0], exact * (1 - 2.0**-20), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(better.stated_v[1], better.own_h * 2.0**-20, rtol=1e-6, atol=1e-15)  # (1) holds it all
+
+
+def test_multipliers_in_rational_numbers_are_those_of_rows_in_their_own_units() -> None:
+    """r_x >= 3 and 4 r_x >= 8 with 1 each, -r_x >= -1 with the 5 that cancels them: 6 of 16."""
+    like = two_rows(0.0, 1)
+    value = np.zeros((3, like.rows.value.shape[1]))
+    value[:, 0] = [-1, 1, 4]
+    found = a_leaf(like, value, np.array([-1.0, 3, 8]), np.array([4.9, 1, 1]), mask(3))
+    found.basis, found.basis_E, found.columns = mask(3, 0), np.zeros_like(found.used_E), mask(13, 0)[None]
+    assert exact_margin(found, 0) == (pytest.approx(6 / 16), np.inf)
+
+
+def test_ranks_of_joints_soft_fingers_and_geared_motors_by_hand() -> None:
+    """Four parallel joints before contact 0 move it in a plane; those before the soft finger 1 move it freely.
+
+    The motor of the first joint turns half as fast: its effort is not put in. Two joints of contact 0 are coupled.
+    """
+    contacts = [contact([1, 2, 3], [1 / 3, 2 / 3, 2 / 3]), contact([-2, 1, 1.5], [2 / 3, -1 / 3, 2 / 3], torsion=0.1)]
+    axes = [[0, 0, 1]] * 4 + [[0.6, 0.8, 0], [0, 0.6, 0.8], [0.8, 0, 0.6]]
+    joints: list[dict[str, Any]] = [
+        {"name": f"j{k}", "axis": axis, "origin": [k, 3 - k * k, 1], "moves": [int(k > 3)]}
+        for k, axis in enumerate(axes)
+    ]
+    actuators = [{"name": j["name"], "joints": {j["name"]: 1.0 if k else 0.5}} for k, j in enumerate(joints)]
+    q = question(
+        contacts, [0] * 6, joints=joints, preload={j["name"]: 1.0 for j in joints},
+        mechanism={"actuators": actuators, "couplings": [{"j1": 1.0, "j2": -1.0}]},
+    )  # fmt: skip
+    made = equations_of(q)
+    at, n, wrench = made.columns, made.columns.n, [*range(6)]
+    assert made.solved[0].tolist() == [*range(7, 13)]
+    tie, geared, turning, t = 13, 6, n + len(made.Z) - 1, n + 6
+
+    def d(*contacts: int) -> list[int]:
+        return [n + 3 * k + i for k in contacts for i in range(3)]
+
+    c = at.c.start
+    table: list[tuple[list[int], list[int], list[int], bool, list[int]]] = [
+        # columns of rows, equalities, closed contacts, is the torsion known, ranks of motions and forces
+        (3 * d(0), [], [], False, [5, 0]),  # 6 of the object, less 3 turns, and 2 of the joints
+        ([*3 * d(0), at.q.start], [], [], False, [6, 0]),  # a joint by itself, and 2 of the others
+        ([*3 * d(0), t], [], [], False, [6, 0]),  # by its motor
+        ([*3 * d(0), t + 4], [], [], False, [6, 0]),  # a joint of the other contact
+        (3 * d(0), [tie], [], False, [7, 0]),  # two of them by their coupling, and 2 of the others
+        (3 * d(1), [], [], False, [6, 0]),
+        (3 * d(0, 1), [], [], False, [10, 0]),  # 5 of the object, 2 of four joints and all 3
+        ([*3 * d(0), turning], [], [], False, [10, 0]),
+        ([*5 * d(0), turning], [], [], False, [11, 0]),  # all of the object, 2 of four joints and all 3 by turning
+        ([], wrench, [0, 1], False, [0, 5]),
+        ([], wrench, [0, 1], True, [0, 6]),  # the torsion acts besides
+        ([at.twist.start], wrench, [0, 1], True, [0, 6]),  # forces through two points have 5
+        ([], [*wrench, geared], [0, 1], False, [0, 6]),
+        ([c, c + 3], [*wrench, geared], [0, 1], False, [0, 7]),
+        ([c, c + 3, at.f.start], [*wrench, geared], [0, 1], True, [0, 8]),
+        ([c, c], [geared], [0, 1], False, [0, 3]),
+    ]
+    value = np.zeros((sum(len(row[0]) for row in table), n + len(made.Z)))
+    value[np.arange(len(value)), [column for row in table for column in row[0]]] = 1.0
+    start, zero = np.cumsum([0, *(len(row[0]) for row in table)]), np.zeros((len(table), n), dtype=bool)
+    for k, (_, _, closed, twisted, _) in enumerate(table):
+        zero[k, at.c] = np.repeat(~mask(2, *closed), 3)
+        zero[k, at.twist] = not twisted
+    none = np.zeros(len(value), dtype=bool)
+    cited = CitedRows(value, 0.0 * none, np.arange(len(value)), none, 1.0 + none, start, zero, none, none)
+    found = LeafSystems(made, RightSide.of(q, None, len(made.E)), cited, np.inf)
+    found._use(np.array([mask(len(made.E), *row[1]).astype(float) for row in table]))
+    wanted = [row[-1] for row in table]
+    assert found._most_ranks(np.arange(len(table))).tolist() == wanted
+    wanted[7] = wanted[8] = [9, 0]  # by entries the three joints count once, as one row alone knows them
+    wanted[15] = [0, 2]  # and what two rows say of one force once
+    assert found._most_ranks(np.arange(len(table)), by_entries=True).tolist() == wanted
