@@ -310,19 +310,25 @@ def test_square_systems_without_an_inverse_are_tried_again_with_the_rank_that_is
     assert shown
 
 
-def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_group() -> None:
+def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_group(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """100 of side 4, 2 of 5 and 100 of 20: 102 (20^3 - 5^3) is more than a group costs, 100 (5^3 - 4^3) is not."""
     size = np.array([20, 4, 20, 5, 4, 20] + 97 * [4, 20] + [4, 5, 4, 4])
-    leaves = np.arange(len(size))[::-1]
-    groups = _groups(leaves, size)
+    some = np.arange(len(size))[::-1]
+    groups = _groups(some, size)
     assert [sorted(set(size[group].tolist())) for group in groups] == [[4, 5], [20]]
-    assert sorted(np.concatenate(groups).tolist()) == sorted(leaves.tolist())
+    assert sorted(np.concatenate(groups).tolist()) == sorted(some.tolist())
     few = np.array(100 * [4] + [20, 30])  # 30^3 - 20^3 is less than a group costs, 100 times as much is more
     assert [sorted(set(few[group].tolist())) for group in _groups(np.arange(102), few)] == [[4], [20, 30]]
     many = np.array(100 * [20] + [30])  # the 100 are not to be padded from 20 to 30
     assert [len(group) for group in _groups(np.arange(101), many)] == [100, 1]
+    near = np.array(100 * [9] + [10])
+    assert [len(group) for group in _groups(np.arange(101), near)] == [101]
+    monkeypatch.setattr(leaves, "GROUP_COST", 100 * (10**3 - 9**3))  # and as much is not more
+    assert [len(group) for group in _groups(np.arange(101), near)] == [101]
     assert [len(group) for group in _groups(np.arange(300), np.full(300, 7))] == [CHUNK, CHUNK, 300 - 2 * CHUNK]
-    assert _groups(leaves[:0], size) == []
+    assert _groups(some[:0], size) == []
 
 
 def test_equalities_cancel_what_they_can_of_the_rows() -> None:
@@ -571,14 +577,15 @@ def mask(size: int, *places: int) -> Mask:
 
 def test_the_row_with_the_largest_multiplier_of_those_used_is_left_out() -> None:
     """The first row of several; an equality where it is larger than all rows, or there are none."""
-    found = walls_of([3, 0, 2, 2])
-    found.y, found.used = np.array([1.0, 3, 3, 2, 2, 9, 1]), np.array([1, 1, 1, 1, 1, 0, 1], dtype=bool)
-    found.v = np.array([[0, 0, -2, 0, 0, -9], [0, -0.5, 0.25, 0, 0, 0], [0, 0, 0, -2, 0, 0], [0, 0, 0, 0, -1.5, 0]])
+    found = walls_of([3, 0, 2, 2, 1])
+    found.y, found.used = np.array([1.0, 3, 3, 2, 2, 9, 1, 3]), ~mask(8, 5)
+    found.v = np.zeros((5, 6))
+    found.v[[0, 0, 1, 1, 2, 3, 4], [2, 5, 1, 2, 3, 4, 0]] = -2, -9, -0.5, 0.25, -2, -1.5, 2
     found.used_E = (found.v != 0) & (found.v > -9)
     found.basis, found.basis_E = found.used.copy(), found.used_E.copy()
     found._leave_out_one()
     assert np.flatnonzero(found.basis).tolist() == [0, 2, 4, 6]
-    assert np.argwhere(found.basis_E).tolist() == [[0, 2], [1, 2], [2, 3]]
+    assert np.argwhere(found.basis_E).tolist() == [[0, 2], [1, 2], [2, 3], [4, 0]]
 
 
 def test_which_rows_and_equalities_are_used() -> None:
@@ -884,15 +891,16 @@ def test_what_shows_nothing_in_rational_numbers() -> None:
     assert exact_margin(found, 0) == none
 
 
-def test_efforts_are_put_in_where_any_row_knows_them() -> None:
-    """f >= 1 and -c_n >= 0 of contact 0, whose slider is balanced by c_n - f = 0."""
+@pytest.mark.parametrize(("of_f", "of_c"), [(0.0, -3.0), (-1.5, -1.5)])
+def test_efforts_are_put_in_where_any_row_knows_them(of_f: float, of_c: float) -> None:
+    """3 f >= 3; -3 c_n >= 0, or half of both, of contact 0, whose slider is balanced by c_n - f = 0."""
     slider = [{"name": "a", "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 1, 0], "moves": [0]}]
     like = walls_of([1], joints=slider, preload={"a": 1.0})
     like.side = replace(like.side, slack=0 * like.side.slack, slip=0.0, energy=0.0)
     value = np.zeros((2, like.rows.value.shape[1]))
-    value[0, 13], value[1, 7] = 3.0, -3.0
+    value[0, 13], value[1, [7, 13]] = 3.0, (of_c, of_f)
     found = a_leaf(like, value, np.array([3.0, 0.0]), np.array([1.0, 1.0]), np.array([False, False]))
-    assert found.put_in.tolist() == [[0.75], [0.0]]  # 3 f, over 4
+    assert found.put_in.tolist() == [[0.75], [of_f / 4]]  # 3 f, over 4
     assert found.F[:, [7, 13]].tolist() == [[0.75, 0], [-0.75, 0]]
     assert found.touches[0].tolist() == mask(14, 7).tolist()
     assert (found.unit.tolist(), found.largest.tolist(), found.b.tolist()) == ([4, 4], [0.75, 0.75], [0.75, 0])
@@ -1038,3 +1046,45 @@ def test_ranks_of_joints_soft_fingers_and_geared_motors_by_hand() -> None:
     wanted[7] = wanted[8] = [9, 0]  # by entries the three joints count once, as one row alone knows them
     wanted[15] = [0, 2]  # and what two rows say of one force once
     assert found._most_ranks(np.arange(len(table)), by_entries=True).tolist() == wanted
+
+
+def test_multipliers_of_equalities_are_in_their_own_units_in_rational_numbers() -> None:
+    """Walls at -4 and 4: (1) along y is -a - b = -1 of the two tangential forces, and about z 4 (a - b) = 0.
+
+    Multiplied by 3 and by 1/4 they leave 2 and 4 for a >= 1 and b >= 1: 2 + 4 - 3 of 9.
+    """
+    like = walls_of([1], wrench=[0, 1, 0, 0, 0, 0], size=4.0)
+    like.side = replace(like.side, slack=0 * like.side.slack, slip=0.0, energy=0.0)
+    value = np.zeros((2, like.rows.value.shape[1]))
+    value[[0, 1], [8, 11]] = 1.0
+    found = a_leaf(like, value, np.ones(2), np.array([2.1, 4.1]), mask(2))
+    assert found.equations.unit[5] == 4
+    found.v = np.array([[0, 3.0, 0, 0, 0, 1.0]])
+    found.used_E = found.v != 0
+    found.basis, found.basis_E, found.columns = mask(2, 0, 1), mask(6)[None], mask(12, 8, 11)[None]
+    assert exact_margin(found, 0) == (pytest.approx(3 / 9), np.inf)
+
+
+def test_unknowns_and_equations_are_scaled_to_like_sizes() -> None:
+    """The scalar's load is 8 N: (1) along x is c_n - c_n + 8 s, of which 8 s is the unknown. The lever is 4 m."""
+    found = walls_of([1], goal=LARGEST_GOAL, direction=[8, 0, 0, 0, 0, 0], size=4.0)
+    value = np.zeros((1, found.rows.value.shape[1]))
+    value[0, 12] = 1.0
+    one = a_leaf(found, value, np.ones(1), np.ones(1), mask(1))
+    assert found.equations.scale[12] == 1 / 8
+    assert one.E[0, [6, 9, 12]].tolist() == [1, -1, 1]
+    assert one.E[5, [8, 11]].tolist() == [1, -1]
+    assert one.E_touches[0].tolist() == mask(13, 6, 9, 12).tolist()
+    assert (one.F[0, 12], one.unit[0], one.b[0], one.largest[0], one.stated[0]) == (1, 1 / 8, 8, 1, 1 / 8)
+
+
+@pytest.mark.parametrize("step", ["_squares", "_choose", "_most_ranks"])
+def test_no_step_goes_on_once_time_is_over(step: str) -> None:
+    found, one = walls_of([1]), np.array([0])
+    found.used = mask(1, 0)
+    found.basis, found.basis_E, found.columns, found.more = mask(1), found.used_E, found.alive, np.zeros((2, 1))
+    more = {"_choose": (1e-9,), "_most_ranks": (True,)}.get(step, ())
+    getattr(found, step)(one, *more)
+    found.until = -np.inf
+    with pytest.raises(Late):
+        getattr(found, step)(one, *more)
