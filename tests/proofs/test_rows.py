@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from handfast.proofs.cases import HALF_TURN
 from handfast.proofs.equations import equations_of
+from handfast.proofs.grasp import StartData
 from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
@@ -23,7 +26,7 @@ from handfast.proofs.kinds import (
     TURN_DIRECTIONS,
     UNDECIDED,
 )
-from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES
+from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES, Question
 from handfast.proofs.rows import (
     MAX_CHORD_SECTOR,
     OF_ACTUATOR,
@@ -415,3 +418,130 @@ def test_rows_that_are_the_same_stand_once() -> None:
     assert len(once.kind) == len(once.leaf) == len(every)
     for name in ("kind", "index", "a", "b"):
         assert (getattr(once, name)[which] == getattr(rows, name)).all()
+
+
+def letters(found: np.ndarray) -> str:
+    return "".join("a" if x else "-" for x in found)
+
+
+def test_rows_of_contacts_that_are_equalities() -> None:
+    """What does not move does neither way; the gap of a closed contact is closed, where normals are certain."""
+    fixed = {Row.STILL_1_UP, Row.STILL_1_DOWN, Row.STILL_2_UP, Row.STILL_2_DOWN, Row.TURN_UP, Row.TURN_DOWN}
+    some, none = np.array([k for k in Row if OF_CONTACT[k]]), np.zeros(sum(OF_CONTACT), dtype=np.int64)
+    for eta in (0.0, 0.1):
+        q = pinch([0, 0, -1, 0, 0, 0], eta=eta)
+        for state in (UNDECIDED, OPEN, CLOSED, STICK, SLIDE):
+            rows = LeafRows(some, none + 1, none, none, none, np.zeros((0, 3)))
+            found = equalities(q, rows, np.array([[[CLOSED - 1, 0, 0], [state, 0, 0]]]))  # of contact 1
+            closed = {Row.GAP_UP, Row.GAP_DOWN} if eta == 0 and state >= CLOSED else set()
+            assert {Row(k) for k in some[found]} == fixed | closed, (eta, state)
+
+
+def test_rows_of_actuators_that_are_equalities() -> None:
+    """Of a check a, b are commanded, the free one is locked; of torques a alone is driven, b locked."""
+    still, moving = "aaaa", {CHECK: "--a-", TORQUES: "-aa-"}
+    for goal, driven in ((CHECK, "aaaa"), (TORQUES, "-aaa")):
+        q, index = driven_question(goal, **({"driven": ["a"]} if goal == TORQUES else {})), np.arange(4)
+        for state in (FREE, LOCKED, MOVES, HIGH, LOW, BELOW, ABOVE):
+            cases = np.zeros((2, 6, 3), dtype=np.int64)
+            cases[1, 2:, 0] = state
+            for kind in (k for k in Row if OF_ACTUATOR[k]):
+                rows = LeafRows(np.full(4, int(kind)), index, 0 * index, 0 * index, 0 * index + 1, np.zeros((0, 3)))
+                wanted = "----"
+                if kind in (Row.T_UP, Row.T_DOWN):
+                    wanted = still if state in (LOCKED, HIGH, LOW) else moving[goal]
+                elif kind in (Row.E_UP, Row.E_DOWN) and state == MOVES:
+                    wanted = driven
+                assert letters(equalities(q, rows, cases)) == wanted, (goal, state, kind)
+    index = np.arange(Columns.of(q).n)
+    for kind in (Row.BOUND_UP, Row.BOUND_DOWN):
+        rows = LeafRows(0 * index + kind, index, 0 * index, 0 * index, 0 * index, np.zeros((0, 3)))
+        assert not equalities(q, rows, cases).any()
+
+
+def test_a_step_begins_with_gaps_and_slack() -> None:
+    """Contact 0 is 0.5 away, contact 1 at its place; the tendon that nobody commands has slack 0.25."""
+    q = driven_question(CHECK, eta=np.arccos(0.8))
+    start = StartData(np.array([0.5, 0.0]), np.zeros(q.grasp.l), np.array([0, 0, 0, 0.25]))
+    step = replace(q, grasp=q.grasp.with_start(start))
+    at, tendon = Columns.of(step), list(step.grasp.actuators).index("tendon")
+    for kind, right in ((Row.GAP_UP, -0.5), (Row.DN_UP, -0.5), (Row.GAP_DOWN, 0.5), (Row.CN_UP, 0.0)):
+        assert alone(step, kind, 0)[1] == right
+        assert alone(step, kind, 1)[1] == 0
+    for kind, right in ((Row.T_UP, -0.25), (Row.T_DOWN, 0.25)):
+        assert alone(step, kind, tendon)[1] == right
+        assert alone(step, kind, 0)[1] == 0
+    # a spring takes c_n^2 + gap c_n, over cos(eta) = 0.8
+    plain, sprung = (alone(x, Row.ENERGY, references=[[2.0, 3.0, 0.0]])[0][at.c][0::3] for x in (q, step))
+    np.testing.assert_allclose(sprung - plain, [-0.625, 0.0], atol=1e-12)
+    assert (sprung - plain >= [-0.625, 0.0]).all()
+    cases = np.zeros((1, 6, 3), dtype=np.int64)
+    cases[0, 2:, 0] = LOCKED
+    locked = zeros(q, cases)[0, at.q]
+    assert letters(locked) == "aaaa"
+    assert letters(zeros(step, cases)[0, at.q]) == "aaa-"  # t = -slack
+
+
+def beside_a_soft_finger() -> Question:
+    """Contact 0 is a point, contact 1 a soft finger; mu 0.5."""
+    places = [contact([0, 0, 1], [0, 0, -1]), contact([0, 0, -1], [0, 0, 1], torsion=0.01)]
+    joints = [{"name": n, "axis": [1, 0, 0], "origin": [0, 1, 0], "moves": [0]} for n in "ab"]
+    return question(places, [0, 0, 0, 0, 0, 1], joints=joints, preload={"a": 1.0})
+
+
+def test_rows_of_soft_fingers_hold_where_they_may() -> None:
+    """Of patch 9, which is made of 18 and 19; the point contact has none."""
+    about = [(Row.SOFT_TANGENT, 5, 7), (Row.SOFT_CHORD, 9, 0), (Row.SOFT_CHORD, 10, 0), (Row.SOFT_CHORD, 18, 0)]
+    about += [(kind, 9, b) for kind in (Row.C_SIDE, Row.D_SIDE) for b in (-1, 0, 2, 3)]
+    about += [(Row.TURN_UP, 0, 0), (Row.TURN_DOWN, 0, 0)]
+    kind, a, b = np.array(about, dtype=np.int64).T
+    expected = {
+        (UNDECIDED, 0, 0): "a--- ---- ---- --",
+        (OPEN, 0, 0): "a--- ---- ---- --",
+        (CLOSED, 9, 0): "a--- ---- ---- --",
+        (STICK, 0, 0): "a--- ---- ---- aa",
+        (SLIDE, 9, 0): "aa-- -aa- -aa- --",
+        (SLIDE, 18, 0): "aa-a -aa- -aa- --",
+        (SLIDE, 8, 0): "a--- ---- ---- --",
+    }
+    q = beside_a_soft_finger()
+    for state, word in expected.items():
+        cases = np.zeros((1, 2 + q.actuators, 3), dtype=np.int64)
+        cases[0, :2] = state
+        for index in (0, 1):
+            rows = LeafRows(kind, 0 * kind + index, a, b, 0 * kind, np.zeros((0, 3)))
+            wanted = word.replace(" ", "") if index else "-" * len(kind)
+            assert letters(legal(q, None, rows, cases)) == wanted, (state, index)
+
+
+def test_coefficients_of_a_soft_finger_by_hand() -> None:
+    """Patch 8 is the octant of x, y, z > 0: middle (1, 1, 1) / sqrt(3), its sides are across z, x and y."""
+    q = beside_a_soft_finger()
+    at, h = Columns.of(q), 1 / np.sqrt(3)
+    force = [at.c.start + 3, at.c.start + 4, at.c.start + 5, at.twist.start]
+    motion = [at.n + 4, at.n + 5, at.n + 6 + q.actuators + 1]
+    gives = CONE_WIDENING
+    expected = [
+        (Row.SOFT_TANGENT, 0, 0, [0.5 * (1 + gives), -1, 0, 0], [0, 0, 0]),
+        (Row.SOFT_TANGENT, QUARTER, 0, [0.5 * (1 + gives), 0, -1, 0], [0, 0, 0]),
+        (Row.SOFT_TANGENT, QUARTER, QUARTER, [0.5 * (1 + gives), 0, 0, -1], [0, 0, 0]),
+        (Row.SOFT_TANGENT, 0, HALF_TURN, [0.5 * (1 + gives), 1, 0, 0], [0, 0, 0]),
+        (Row.SOFT_CHORD, 8, 0, [-0.5 * (h - gives), h, h, h], [0, 0, 0]),
+        (Row.C_SIDE, 8, 0, [0.5 * gives, 0, 0, 1], [0, 0, 0]),
+        (Row.C_SIDE, 8, 2, [0.5 * gives, 0, 1, 0], [0, 0, 0]),
+        (Row.D_SIDE, 8, 0, [0, 0, 0, 0], [0, 0, -1]),
+        (Row.D_SIDE, 8, 1, [0, 0, 0, 0], [-1, 0, 0]),
+        (Row.D_SIDE, 8, 2, [0, 0, 0, 0], [0, -1, 0]),
+        (Row.TURN_UP, 0, 0, [0, 0, 0, 0], [0, 0, 1]),
+        (Row.TURN_DOWN, 0, 0, [0, 0, 0, 0], [0, 0, -1]),
+    ]
+    for kind, a, b, of_force, of_motion in expected:
+        value, right = alone(q, kind, 1, a, b)
+        wanted = np.zeros(len(value))
+        wanted[force], wanted[motion] = of_force, of_motion
+        np.testing.assert_allclose(value, wanted, rtol=1e-14, atol=1e-15, err_msg=kind.name)
+        assert right == 0
+    kinds, a = (np.array([row[k] for row in expected], dtype=np.int64) for k in (0, 1))
+    b, one = np.array([row[2] for row in expected], dtype=np.int64), np.ones(len(expected), dtype=np.int64)
+    every = row_values(q, None, LeafRows(kinds, one, a, b, one, np.zeros((0, 3))))[0]
+    np.testing.assert_array_equal(every, [alone(q, k, 1, i, j)[0] for k, i, j, *_ in expected])  # each its own
