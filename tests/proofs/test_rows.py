@@ -298,6 +298,28 @@ def test_actuators_by_hand():
     assert (value[at.f.start], value[at.e.start], value[at.scalar.start]) == (-1, 1, 0)
 
 
+@pytest.mark.parametrize("index", [0, 1])
+def test_each_actuator_has_its_own_force_and_the_scalar_is_of_all(index: int) -> None:
+    """a is commanded by -1, mirrored, b by 2: with the scalar f is compared with so many times it."""
+    direction, scalar = {"direction": [0, 0, 1, 0, 0, 0]}, (0.0, 1.0)
+    preload = replace(driven_question(LARGEST_GOAL, **direction), goal=SMALLEST_PRELOAD)
+    command = (1.0, 2.0)[index]
+    for q, kind, of_f, of_scalar, of_e in (
+        (preload, Row.E_UP, 1, -command, 0),
+        (preload, Row.E_DOWN, -1, command, 0),
+        (driven_question(TORQUES, driven=["a", "b"]), Row.S_UP, -1, 1, 0),
+        (driven_question(TORQUES, driven=["a", "b"]), Row.S_DOWN, 1, -1, 0),
+        (driven_question(TORQUES, driven=["a", "b"], objective="sum"), Row.S_UP, -1, 0, 1),
+    ):
+        at = Columns.of(q)
+        value, right = alone(q, kind, index, scalar=scalar)
+        wanted = np.zeros(len(value))
+        wanted[at.f.start + index], wanted[at.scalar] = of_f, of_scalar
+        if of_e:
+            wanted[at.e.start + index] = of_e
+        assert (value.tolist(), right) == (wanted.tolist(), 0), kind
+
+
 def test_bounds_by_hand():
     q = driven_question(TORQUES, driven=["a"], objective="sum", torque_limits={"b": 3.0}, force_limit=7.0)
     at, (lo, hi) = Columns.of(q), bounds(q, (0.5, 2.0))
