@@ -1,0 +1,404 @@
+"""Answers part by part, by hand: bounds and what they are to be shown for, what may be rounded, how proofs are told."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.proofs import answers, checker
+from handfast.proofs.constants import END_TOLERANCE
+from handfast.proofs.existence import Proved
+from handfast.proofs.fields import EQUALITY_TOLERANCE
+from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES
+from handfast.proofs.replay import Refused, Replay
+
+NEAR, OFF = 1 + 0.9 * EQUALITY_TOLERANCE, 1 + 1.1 * EQUALITY_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("said", "shown", "same"),
+    [
+        (NEAR, 1.0, True), (OFF, 1.0, False), (2 - NEAR, 1.0, True), (2 - OFF, 1.0, False), (-OFF, -1.0, False),
+        (1, 1.0, True), (True, 1.0, False), (1.0, True, False), (True, True, True), (True, False, False),
+        (None, None, True), (None, 0.0, False), (0.0, None, False), ("a", "a", True), ("a", "b", False), (0, "", False),
+        ([1.0, NEAR - 1], [1.0, 0.0], True),  # as a share of the largest
+        ([1.0, OFF - 1], [1.0, 0.0], False),
+        ([1.0], [1.0, 0.0], False), ((1.0, 2.0), [1.0, 2.0], True), (1.0, [1.0], False),
+        ([], {}, False), ([], [], True),
+        ({"a": [1e3], "b": 1e3 * (OFF - 1)}, {"a": [1e3], "b": 0.0}, False),
+        ({"a": [1e3], "b": 1e3 * (NEAR - 1)}, {"a": (1e3,), "b": 0.0}, True),
+        ({"a": 1.0, "b": 2.0}, {"a": 1.0}, False), ({}, {"a": 1.0}, False), ([1.0], {"a": 1.0}, False),
+        ([{"a": 1e3, "b": OFF}], [{"a": 1e3, "b": 1.0}], False),  # of objects in a list key by key
+        ([{"a": 1e3, "b": OFF}, {"b": 2.0}], [{"a": 1e3, "b": 1.0}, {"b": 2.0}], True),
+        ([{"a": 1e3, "b": 1.0}, {"b": 2.0}], [{"a": 1e3, "b": 1.0}, {"a": 2.0}], False),
+        ([{"a": 1.0}, 3], [{"a": 1.0}, {"a": 3.0}], False), ([{"a": 1.0}], [{"a": 1.0}] * 2, False),
+        ({"a": 1.0}, [{"a": 1.0}], False), ([{"a": 2.0}], [{"a": 1.0}], False),
+    ],
+)  # fmt: skip
+def test_what_is_the_same_but_for_rounding(said: Any, shown: Any, same: bool) -> None:
+    assert answers.matches(said, shown) == same
+
+
+def test_numbers_that_are_close_are_so_as_a_share_of_the_largest() -> None:
+    b = np.array([-4.0, 1.0])
+    for off, same in (([0, 4 * (NEAR - 1)], True), ([4 * (NEAR - 1), 0], True), ([0, -4 * (OFF - 1)], False)):
+        assert answers.close(b + np.array(off), b) == same
+    assert answers.close(np.zeros(2), np.zeros(2))
+    assert answers.close(np.zeros(0), np.zeros(0))
+    assert not answers.close(np.array([1e-300, 0.0]), np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("key", "shown", "told", "fine"),
+    [
+        ("residual", 1e-3, 1e-3 + 0.9e-12, True),
+        ("residual", 1e-3, 1e-3 + 1.1e-12, False),
+        ("motion", 4.0, 4 * (1 + 0.9e-6), True),
+        ("motion", 4.0, 4 * (1 - 1.1e-6), False),
+        ("motion", 4.0, None, False),
+        ("motion", None, 4.0, False),
+        ("motion", 4.0, True, False),
+        ("motion_cap", 4.0, 0.0, True),
+        ("motion_cap", 4.0, -1e-300, False),
+        ("motion_cap", 4.0, 4.1, False),
+        ("motion_cap", None, 1.0, False),
+        ("gap", 4.0, 3.9, False),
+    ],
+)
+def test_what_an_answer_may_say_otherwise(key: str, shown: Any, told: Any, fine: bool) -> None:
+    """Residuals and motions may be rounded, caps may be smaller."""
+    if fine:
+        answers.compare({key: told, "nodes": 3}, {key: shown}, ["nodes"])
+    else:
+        with pytest.raises(Refused, match=f"^{key} is not what the rest of the file shows$"):
+            answers.compare({key: told, "nodes": 3}, {key: shown}, ["nodes"])
+    with pytest.raises(Refused, match=r"^nodes is nothing that it can say; leave it out$"):
+        answers.compare({key: told, "nodes": 3}, {key: shown}, [])
+    with pytest.raises(Refused, match=f"^{key} is missing$"):
+        answers.compare({}, {key: shown}, ["nodes"])
+
+
+@pytest.mark.parametrize(
+    ("exact", "tolerant", "fault", "refused_for", "claim"),
+    [
+        (True, False, "", "", "it holds, with virtual motions of 2.5 N"),
+        (True, False, "too little", "too little", "it holds"),
+        (False, True, "", "", "it holds, with virtual motions of 2.5 N, to 1e-9 of the load"),
+        (False, True, "too little", "too little", "it holds, to 1e-9 of the load"),
+        (False, False, "", "it is none", "it holds, to 1e-9 of the load"),
+        (False, False, "too little", "it is none", "it holds, to 1e-9 of the load"),
+    ],
+)
+def test_how_a_state_is_told(exact: bool, tolerant: bool, fault: str, refused_for: str, claim: str) -> None:
+    found = Proved(exact, tolerant, "it is none", 1e-12, 0.5, 2.5)
+    figures = {"residual": 1e-12, "exact": exact, "radius": 0.5, "motion": 2.5}
+    assert answers.held("name", "it holds", found, fault) == Replay("name", claim, refused_for, figures)
+
+
+@pytest.mark.parametrize(
+    ("reason", "cap", "complete", "claim", "refused_for"),
+    [
+        ("", None, True, "none", ""),
+        ("", 8.0, False, "none, up to virtual motions of 8 N", ""),
+        ("", 8.0, True, "none, up to virtual motions of 8 N", "too near"),
+        ("leaf 0", None, True, "none", "leaf 0"),
+        ("leaf 0", 8.0, True, "none", "leaf 0"),
+    ],
+)
+def test_how_a_refutation_is_told(
+    reason: str, cap: float | None, complete: bool, claim: str, refused_for: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, asked = checker.Checked(not reason, 3, 0.25, reason, cap=cap), list[Any]()
+    c, motion = SimpleNamespace(question="of it"), np.ones(6)
+    monkeypatch.setattr(checker, "verify", lambda given: found if given is c else None)
+    monkeypatch.setattr(answers, "cap_fault", lambda *args: asked.append(args) or "too near")
+    figures = {"motion_cap": cap, "leaves": 3, "margin": 0.25}
+    done = answers.refuted("none", c, 5.0, motion, complete)  # type: ignore[arg-type]
+    assert done == Replay("certificate", claim, refused_for, figures)
+    assert answers.motion_cap(done) == cap
+    assert asked == [("of it", 8.0, 5.0, motion)] * (complete and cap is not None and not reason)
+
+
+def of_answer(query: str, q: Any, **said: Any) -> answers.SavedAnswer:
+    """An answer as far as its bounds are looked at."""
+    return answers.SavedAnswer(q, {"query": query, "verdict": "holds", "stop": "complete"} | said, None, None)
+
+
+@pytest.mark.parametrize(("value", "number"), [(1, 1.0), (2.5, 2.5), (None, None), (0, 0.0)])
+def test_numbers_of_an_answer(value: Any, number: float | None) -> None:
+    found = of_answer("max", None, lower=value).number("lower")
+    assert found == number
+    assert type(found) is type(number)
+    assert of_answer("max", None).number("lower") is None
+    for bad in (True, False, "1", [1.0]):
+        with pytest.raises(Refused, match=re.escape(f"lower is {bad!r}, no number")):
+            of_answer("max", None, lower=bad).number("lower")
+
+
+TIMES = "times the direction is resisted"
+ABOVE_4, NOTHING = f"nothing above 4 {TIMES}", "nothing is resisted"
+ALONG = np.array([0, 2.0, 0, 0, 0, 0])
+END = 100.0  # magnitudes up to here are looked at
+
+
+def of_maximum(goal: str = LARGEST_GOAL, base: float = 0.0, **said: Any) -> answers.SavedAnswer:
+    q = SimpleNamespace(
+        goal=goal, has_scalar=goal != CHECK, homogeneous=goal == SMALLEST_PRELOAD, seeks_commands=False,
+        wrench=base * ALONG if goal != CHECK else ALONG, direction=ALONG, torque_limits={}, force_limit=np.inf,
+        grasp=SimpleNamespace(command=np.zeros(2)), equivalent=SimpleNamespace(torque=np.zeros(2)),
+    )  # fmt: skip
+    return of_answer("max", q, **said)
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ({"lower": 2.0, "upper": 4.0}, ""),
+        ({"lower": None}, "a largest magnitude of None"),
+        ({"lower": -1.0}, "a largest magnitude of -1.0"),
+        ({"lower": 0.0}, "HOLDS without a magnitude that is resisted"),
+        ({"lower": 0.0, "base": 1.0}, ""),
+        ({"lower": 1.0, "verdict": "undecided"}, "UNDECIDED with a magnitude that is resisted"),
+        ({"lower": 0.0, "verdict": "undecided"}, ""),
+        ({"lower": 0.0, "verdict": "slips", "upper": 0.0}, ""),
+        ({"lower": 0.0, "verdict": "slips", "upper": 1.0}, "SLIPS with bounds above 0"),
+        ({"lower": 0.0, "verdict": "slips", "upper": None}, "SLIPS with bounds above 0"),
+        ({"lower": END, "unbounded": True, "upper": END}, "unbounded, with a bound"),
+        ({"lower": 0.0, "unbounded": True, "verdict": "undecided"}, "unbounded, with a bound"),
+        ({"lower": END * (1 - 1.9e-6), "unbounded": True}, ""),
+        ({"lower": END * (1 - 2.1e-6), "unbounded": True}, "unbounded, but shown up to 99.9998 only; 100 is needed"),
+        ({"lower": 0.0, "unbounded": True}, "unbounded, but shown up to 0 only; 100 is needed"),
+    ],
+)
+def test_bounds_that_contradict_the_verdict(said: dict[str, Any], why: str) -> None:
+    saved_one = of_maximum(**said)
+    if why:
+        with pytest.raises(Refused, match=f"^{re.escape(why)}$"):
+            answers.Maximum()._check_bounds(saved_one, END)
+    else:
+        answers.Maximum()._check_bounds(saved_one, END)
+
+
+@pytest.mark.parametrize(
+    ("goal", "said", "need"),
+    [
+        (LARGEST_GOAL, {"lower": 2.0, "upper": None}, None),
+        (LARGEST_GOAL, {"lower": 2.0, "upper": 4.0}, (ABOVE_4, 4, (4, END))),
+        (LARGEST_GOAL, {"lower": 4.0, "upper": 4.0}, (ABOVE_4, 4, (4, END))),
+        (LARGEST_GOAL, {"lower": 2.0, "upper": 60.0}, (f"nothing above 60 {TIMES}", 60, (60, 120))),
+        (LARGEST_GOAL, {"lower": 0.0, "upper": 0.0, "verdict": "slips"}, (NOTHING, 0, (0, END))),
+        (SMALLEST_PRELOAD, {"lower": 2.0, "upper": 4.0}, (ABOVE_4, 4, (1 / END, 1 / 4))),
+        (SMALLEST_PRELOAD, {"lower": 0.0, "upper": 0.0, "verdict": "slips"}, (NOTHING, 0, (1 / END, np.inf))),
+        (CHECK, {"lower": 0.0, "upper": 0.0, "verdict": "slips"}, (NOTHING, 0, (0, 0))),
+        (LARGEST_GOAL, {"lower": 4.5, "upper": 4.0}, "its lower bound 4.5 is above its upper bound 4"),
+        (CHECK, {"lower": 2.0, "upper": 4.0}, "has an upper bound where magnitudes make no difference"),
+    ],
+)  # fmt: skip
+def test_what_an_upper_bound_has_to_be_shown_for(
+    goal: str, said: dict[str, Any], need: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the bound to twice as far, and to the end of the search; of the smallest preload one over these."""
+    ends = {CHECK: "as a direction"}
+    monkeypatch.setattr(answers, "_with_direction", lambda _: "as a direction")
+    monkeypatch.setattr(answers, "farthest", lambda q: END if q == ends.get(goal, q) else 0.0)
+    if isinstance(need, str):
+        with pytest.raises(Refused, match=f"^{re.escape(need)}$"):
+            answers.Maximum().refuted(of_maximum(goal, **said))
+        return
+    found = answers.Maximum().refuted(of_maximum(goal, **said))
+    if need is None:
+        assert found is None
+        return
+    assert found is not None
+    assert found[:2] == need[:2]
+    np.testing.assert_allclose(found[2], need[2], rtol=3e-6)
+    (lo, hi), (least, most) = found[2], need[2]
+    first, last = (EQUALITY_TOLERANCE, END_TOLERANCE) if goal == LARGEST_GOAL else (END_TOLERANCE, EQUALITY_TOLERANCE)
+    if goal != CHECK:  # and no more than that but for rounding
+        assert lo == pytest.approx(least * (1 + first), rel=1e-12)
+        assert hi == (most if most == np.inf else pytest.approx(most * (1 - last), rel=1e-12))
+
+
+@pytest.mark.parametrize(
+    ("said", "magnitude", "claim"),
+    [
+        (0.0, 0.0, "the base load is resisted"),
+        (2.0, 2.0, "2 times the direction is resisted, or more"),
+        (2.0, 2.5, "2 times the direction is resisted, or more"),
+        (2.0, 1.9, ""),
+        (2.0, -1.0, ""),
+    ],
+)
+def test_the_state_of_a_maximum_reaches_what_is_said(said: float, magnitude: float, claim: str) -> None:
+    saved_one = of_maximum(lower=said, base=3.0)
+    w = SimpleNamespace(wrench=(3.0 + magnitude) * ALONG)
+    if not claim:
+        with pytest.raises(Refused, match=r"^witness: it is a state under another disturbance$"):
+            answers.Maximum().held(saved_one, w)  # type: ignore[arg-type]
+        return
+    found = answers.Maximum().held(saved_one, w)  # type: ignore[arg-type]
+    assert found[0] == claim
+    assert found[1].tolist() == (3 * ALONG).tolist()
+    assert found[2] is (ALONG if said else None)
+    assert found[3] == pytest.approx(magnitude)
+    assert found[4].tolist() == [0, 0]
+    w.wrench = w.wrench + np.eye(6)[0] * 1e-3
+    with pytest.raises(Refused, match="under another disturbance"):
+        answers.Maximum().held(saved_one, w)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("magnitude", "fault"), [(None, ""), ((2.0, 2.1), ""), ((1.9, 2.1), "from a magnitude of 1.9 on")]
+)
+def test_the_magnitude_that_is_proved_is_no_less_than_said(magnitude: tuple[float, float] | None, fault: str) -> None:
+    found = Proved(True, False, "", 0.0, magnitude=magnitude)
+    said = answers.Maximum().held_fault(of_maximum(lower=2.0), None, found)  # type: ignore[arg-type]
+    assert said == (f"it is proved {fault}" if fault else "")
+    assert answers.Maximum().least(of_maximum(lower=2.0)) == 2
+    assert answers.Maximum().least(of_maximum()) == 0
+    assert answers.Query().least(of_maximum(lower=2.0)) == -np.inf
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"goal": SMALLEST_PRELOAD, "has_scalar": False}, {"torque_limits": {"a": 1.0}}, {"force_limit": 1.0},
+     {"grasp": SimpleNamespace(command=np.array([0.0, 1.0]))},
+     {"equivalent": SimpleNamespace(torque=np.array([1.0, 0]))},
+     {"wrench": np.zeros(6)}, {"goal": TORQUES, "has_scalar": True, "seeks_commands": True}],
+)  # fmt: skip
+def test_where_magnitudes_make_no_difference_nothing_else_acts(change: dict[str, Any]) -> None:
+    """A check of a load along a direction is a maximum without commands, given torques and limits alone."""
+    fine = of_maximum(CHECK)
+    base, along = answers.line(fine)
+    assert (base.tolist(), along.tolist()) == ([0] * 6, ALONG.tolist())
+    vars(fine.question).update(change)
+    with pytest.raises(Refused, match=f"^is of a maximum, its question of '{fine.question.goal}'$"):
+        answers.line(fine)
+
+
+STAYS = "an actuator is commanded that was to stay locked, or a backdrivable one otherwise"
+
+
+def of_torques(*, sums: bool = False, **said: Any) -> answers.SavedAnswer:
+    """Three actuators, the first two sought, the first pulled in the other sense; the last is backdrivable."""
+    g = SimpleNamespace(backdrivable=mask(0, 0, 1), command=np.array([-1.0, 2.0, 0.25]))
+    q = SimpleNamespace(grasp=g, sought=mask(1, 1, 0), sums=sums, goal=TORQUES, wrench=ALONG, driven=("a", "b"))
+    g.actuators = ("a", "b", "c")
+    return of_answer("torques", q, **said)
+
+
+def mask(*flags: int) -> np.ndarray:
+    return np.array(flags, dtype=bool)
+
+
+@pytest.mark.parametrize(
+    ("command", "upper", "sums", "fault"),
+    [
+        ([-0.5, 3.0, 0.25], 3.0, False, ""),
+        ([-0.5, 3.0, 0.25], 3.5, True, ""),
+        ([-0.5, 0.25, 0.25], 0.5, False, ""),
+        ([-0.5, 3.0, 0.25], 3.0 * NEAR, False, ""),
+        ([-0.5, 3.0, 0.25], 3.0 * OFF, False, "its commands cost 3; the answer says 3.0000000033000003"),
+        ([-0.5, 3.0, 0.25], None, False, "its commands cost 3; the answer says None"),
+        ([-0.5, 3.0, 0.25], 3.0, True, "its commands cost 3.5; the answer says 3.0"),
+        ([0.5, 3.0, 0.25], 3.0, False, "a command has the wrong sense"),
+        ([-0.5, -3.0, 0.25], 3.0, False, "a command has the wrong sense"),
+        ([0.0, 3.0, 0.25], 3.0, False, ""),
+        ([-0.5, 3.0, 0.0], 3.0, False, STAYS),
+    ],
+)  # fmt: skip
+def test_what_commands_cost(command: list[float], upper: float | None, sums: bool, fault: str) -> None:
+    w = SimpleNamespace(command=np.array(command))
+    assert answers.Torques().held_fault(of_torques(sums=sums, upper=upper), w, None) == fault  # type: ignore[arg-type]
+
+
+def test_an_actuator_that_is_not_sought_stays_locked() -> None:
+    one = of_torques(upper=0.5)
+    one.question.sought = mask(1, 0, 0)  # type: ignore[misc,assignment]
+    for other, fault in ((0.0, ""), (1e-9, STAYS)):
+        w = SimpleNamespace(command=np.array([-0.5, other, 0.25]))
+        assert answers.Torques().held_fault(one, w, None) == fault  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("said", "need"),
+    [
+        ({"lower": 2.0, "upper": 2.0}, ("no commands below 2 suffice", 0, (0, 2))),
+        ({"lower": 2.0, "upper": None}, ("no commands below 2 suffice", 0, (0, 2))),
+        ({"lower": 0.0, "upper": 4.0}, None),
+        ({"verdict": "slips", "lower": None, "upper": None}, ("no commands suffice", 0, (0, np.inf))),
+        ({"verdict": "slips", "lower": 1.0, "upper": None}, "SLIPS with bounds"),
+        ({"verdict": "slips", "lower": None, "upper": 1.0}, "SLIPS with bounds"),
+        ({"lower": None, "upper": 1.0}, "a lower bound of None"),
+        ({"lower": -1.0, "upper": 1.0}, "a lower bound of -1.0"),
+        ({"lower": 2.0, "upper": 1.0}, "its lower bound 2 is above its upper bound 1"),
+    ],
+)
+def test_what_a_bound_on_commands_has_to_be_shown_for(said: dict[str, Any], need: Any) -> None:
+    if isinstance(need, str):
+        with pytest.raises(Refused, match=f"^{re.escape(need)}$"):
+            answers.Torques().refuted(of_torques(**said))
+    else:
+        assert answers.Torques().refuted(of_torques(**said)) == need
+    other = of_torques(**said)
+    other.question.goal = "check"  # type: ignore[misc]
+    with pytest.raises(Refused, match=r"^is of torques, its question of 'check'$"):
+        answers.Torques().refuted(other)
+
+
+def test_the_state_of_commands() -> None:
+    w = SimpleNamespace(wrench=ALONG, command=np.array([-0.5, 3.0, 0.25]))
+    for upper, claim in ((3.0, "commands of 3 suffice"), (None, "commands of 0 suffice")):
+        found = answers.Torques().held(of_torques(upper=upper), w)  # type: ignore[arg-type]
+        assert (found[0], found[1] is ALONG, found[2:4], found[4] is w.command) == (claim, True, (None, 0), True)
+    w.wrench = 1.001 * ALONG
+    with pytest.raises(Refused, match=r"^witness: it is a state under another disturbance$"):
+        answers.Torques().held(of_torques(upper=3.0), w)  # type: ignore[arg-type]
+    shown = answers.Torques().shown(replace(of_torques(lower=2.0, upper=3.0), witness=w), None)  # type: ignore[arg-type]
+    assert shown == {"preload": {"a": -0.5, "b": 3.0}, "lower": 2, "upper": 3}
+    assert answers.Torques().shown(of_torques(lower=2.0, upper=3.0), None) == {
+        "preload": None,
+        "lower": 2,
+        "upper": None,
+    }
+
+
+@pytest.mark.parametrize(
+    ("said", "gap"),
+    [
+        ({"lower": 2.0, "upper": 5.0}, 1.5),
+        ({"lower": 0.0, "upper": 5.0}, None),
+        ({"lower": 2.0, "upper": None}, None),
+        ({"lower": 0.0, "upper": 0.0}, 0.0),
+        ({"lower": 2.0, "upper": None, "unbounded": True}, 0.0),
+    ],
+)
+def test_how_far_the_bounds_of_a_maximum_are_apart(said: dict[str, Any], gap: float | None) -> None:
+    """Relative to the lower one. Nothing of an interval is told where it is not asked for."""
+    shown = answers.Maximum().shown(of_maximum(**said), None)
+    wanted = {"lower": said["lower"], "upper": said["upper"], "gap": gap, "unbounded": said.get("unbounded", False)}
+    assert shown == wanted | {"holds_from_zero_to": None, "attained": True, "limit": None}
+    assert type(shown["unbounded"]) is bool
+
+
+def test_what_a_maximum_says_of_an_interval_and_of_a_limit() -> None:
+    keys = {"holds_from_zero_upper": 4.5, "holes": [], "unproved": [[4.0, 4.5]], "resolution": 0.1}
+    said: dict[str, Any] = {"lower": 2.0, "upper": 5.0, "holds_from_zero_to": 4.0} | keys
+    shown = answers.Maximum().shown(of_maximum(**said), None)
+    assert {key: shown[key] for key in keys} == keys
+    for value, fine in ((2.0, True), (5.0, True), (5.0 * NEAR, True), (5.0 * OFF, False), (1.9, False), (3, False)):
+        with_limit = of_maximum(**said, limit={"value": value})
+        if fine:
+            shown = answers.Maximum().shown(with_limit, None)
+            assert (shown["attained"], shown["limit"]) == (False, {"value": value})
+        else:
+            with pytest.raises(Refused, match=r"^its limit lies outside of its bounds$"):
+                answers.Maximum().shown(with_limit, None)
+    for limit, upper in ((3.0, 5.0), ({"value": 3.0}, None)):
+        with pytest.raises(Refused, match=r"^its limit lies outside of its bounds$"):
+            answers.Maximum().shown(of_maximum(**said | {"upper": upper}, limit=limit), None)
