@@ -116,7 +116,12 @@ def test_how_a_refutation_is_told(
     found, asked = checker.Checked(not reason, 3, 0.25, reason, cap=cap), list[Any]()
     c, motion = SimpleNamespace(question="of it"), np.ones(6)
     monkeypatch.setattr(checker, "verify", lambda given: found if given is c else None)
-    monkeypatch.setattr(answers, "cap_fault", lambda *args: asked.append(args) or "too near")
+
+    def cap_fault(*args: Any) -> str:
+        asked.append(args)
+        return "too near"
+
+    monkeypatch.setattr(answers, "cap_fault", cap_fault)
     figures = {"motion_cap": cap, "leaves": 3, "margin": 0.25}
     done = answers.refuted("none", c, 5.0, motion, complete)  # type: ignore[arg-type]
     assert done == Replay("certificate", claim, refused_for, figures)
@@ -319,7 +324,7 @@ def test_what_commands_cost(command: list[float], upper: float | None, sums: boo
 
 def test_an_actuator_that_is_not_sought_stays_locked() -> None:
     one = of_torques(upper=0.5)
-    one.question.sought = mask(1, 0, 0)  # type: ignore[misc,assignment]
+    one.question.sought = mask(1, 0, 0)
     for other, fault in ((0.0, ""), (1e-9, STAYS)):
         w = SimpleNamespace(command=np.array([-0.5, other, 0.25]))
         assert answers.Torques().held_fault(one, w, None) == fault  # type: ignore[arg-type]
