@@ -13,8 +13,9 @@ import pytest
 from handfast.proofs import answers, checker
 from handfast.proofs.constants import END_TOLERANCE
 from handfast.proofs.existence import Proved
-from handfast.proofs.fields import EQUALITY_TOLERANCE
+from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields
 from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES
+from handfast.proofs.ranges import Known
 from handfast.proofs.replay import Refused, Replay
 
 NEAR, OFF = 1 + 0.9 * EQUALITY_TOLERANCE, 1 + 1.1 * EQUALITY_TOLERANCE
@@ -407,3 +408,132 @@ def test_what_a_maximum_says_of_an_interval_and_of_a_limit() -> None:
     for limit, upper in ((3.0, 5.0), ({"value": 3.0}, None)):
         with pytest.raises(Refused, match=r"^its limit lies outside of its bounds$"):
             answers.Maximum().shown(of_maximum(**said | {"upper": upper}, limit=limit), None)
+
+
+# --- smaller magnitudes
+
+
+def interval(**said: Any) -> answers.SavedAnswer:
+    """What is said to hold from 0 on, with two arcs and a certificate."""
+    told = {"lower": 4.0, "upper": 5.0, "holds_from_zero_to": 2.0, "resolution": 0.1, "holes": [], "unproved": []}
+    arcs = SimpleNamespace(first=0.0, last=1.0), SimpleNamespace(first=1.0, last=2.0)
+    found = of_maximum(**told | said)
+    found.question.magnitudes = lambda scalar: (10 * scalar[0], 10 * scalar[1])  # type: ignore[method-assign]
+    found.question.claim = lambda scalar: f"none of {scalar[0]} to {scalar[1]}"  # type: ignore[method-assign]
+    certificate = SimpleNamespace(scalar=(0.3, 0.4))
+    return replace(found, arcs=arcs, slips=(certificate,))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("key", ["holds_from_zero_upper", "holes", "unproved"])
+def test_nothing_is_said_of_an_interval_that_is_not_there(key: str) -> None:
+    with pytest.raises(Refused, match=r"^has holes, but does not say up to where everything is resisted$"):
+        answers.Maximum().smaller(of_maximum(**{key: [[1.0, 2.0]]}))
+    assert answers.Maximum().smaller(of_maximum(**{key: []}, resolution=0.1)) == []
+    for more in ({"arcs": interval().arcs}, {"slips": interval().slips}):
+        with pytest.raises(Refused, match=r"^has states or certificates of smaller magnitudes, but claims nothing"):
+            answers.Maximum().smaller(replace(of_maximum(), **more))
+
+
+@pytest.mark.parametrize(
+    "reasons",
+    [
+        ("", "of arcs", "of slips", "of ranges"),
+        ("", "", "of slips", "of ranges"),
+        ("", "", "", "of ranges"),
+        ("first", "of arcs", "", ""),
+        ("", "", "", ""),
+    ],
+)
+def test_how_an_interval_is_told(reasons: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    one = interval(holes=[[1.0, 1.5], [1.75, 2]])
+    of_arcs = {0.0: (reasons[0], 0.5), 1.0: (reasons[1], 0.25)}
+    monkeypatch.setattr(answers.ranges, "replayed", lambda q, arc: of_arcs[arc.first] if q is one.question else None)
+    monkeypatch.setattr(answers, "_slips_fault", lambda saved: reasons[2] if saved is one else None)
+    monkeypatch.setattr(answers, "_ranges_fault", lambda saved, holes: reasons[3] if len(holes) == 2 else None)
+    claim = "everything up to 2 times the direction is resisted, nothing at 1 to 1.5, 1.75 to 2"
+    figures = {"arcs": 2, "slips": 1, "residual": 0.5}
+    (found,) = answers.Maximum().smaller(one)
+    assert found == Replay(
+        "interval", claim + ", to 1e-9 of load and commands", next(filter(None, reasons), ""), figures
+    )
+    bare = replace(interval(), arcs=())
+    monkeypatch.setattr(answers, "_slips_fault", lambda _: "")
+    monkeypatch.setattr(answers, "_ranges_fault", lambda *_: "")
+    (found,) = answers.Maximum().smaller(bare)
+    assert found.claim == "everything up to 2 times the direction is resisted, to 1e-9 of load and commands"
+    assert found.figures == {"arcs": 0, "slips": 1, "residual": 0.0}
+
+
+def test_certificates_of_smaller_magnitudes_have_no_cap(monkeypatch: pytest.MonkeyPatch) -> None:
+    for reason, cap, fault in (
+        ("", None, ""),
+        ("leaf 0", None, "none of 0.3 to 0.4: leaf 0"),
+        ("", 8.0, "none of 0.3 to 0.4: proved up to virtual motions of 8 N only"),
+    ):
+        found = checker.Checked(not reason, 3, 0.25, reason, cap=cap)
+        monkeypatch.setattr(checker, "verify", lambda c, found=found: found if c.scalar == (0.3, 0.4) else None)
+        assert answers._slips_fault(interval()) == fault
+
+
+def test_what_is_said_of_smaller_magnitudes_is_what_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of arcs from 0 to 1 and 1 to 2, and a certificate of 3 to 4."""
+    shown, asked = Known(2.0, 4.5, ((3.0, 4.0),), ((2.5, 3.0),)), list[Any]()
+
+    def known(*args: Any) -> Known:
+        asked.append(args)
+        return shown
+
+    monkeypatch.setattr(answers, "known", known)
+    monkeypatch.setattr(answers, "farthest", lambda q: 1e5)
+    told = {"holds_from_zero_upper": 4.5, "unproved": [[2.5, 3.0]]}
+    one, holes = interval(**told), [(3.0, 4.0)]
+    assert answers._ranges_fault(one, holes) == ""
+    assert asked == [([(0, 1), (1, 2)], [(3, 4)], 4, 5, 0.1, 10)]
+    for other in ({"holds_from_zero_to": 2.5}, {"holds_from_zero_upper": None}, {"unproved": []}):
+        said = answers._ranges_fault(interval(**told | other), holes)
+        assert said.startswith("it says Known(")
+        assert said.endswith(f"; what is shown is {shown}")
+    assert answers._ranges_fault(one, []).startswith("it says")
+    assert answers._ranges_fault(interval(**told | {"lower": None, "upper": None}), holes) == ""
+    assert asked[-1][2:4] == (0, np.inf)
+    for bad in (None, 0.0, -1.0):
+        fault = f"its resolution is {bad}; a positive number is needed"
+        assert answers._ranges_fault(interval(**told | {"resolution": bad}), holes) == fault
+    twice = replace(one, arcs=(one.arcs[0], one.arcs[0]))
+    assert answers._ranges_fault(twice, holes) == "an arc is there twice"
+
+    def fails(*_: Any) -> Known:
+        raise ValueError("they overlap")
+
+    monkeypatch.setattr(answers, "known", fails)
+    assert answers._ranges_fault(one, holes) == "they overlap"
+
+
+def test_where_magnitudes_make_no_difference_the_bounds_are_all_that_is_said() -> None:
+    told = {"holds_from_zero_upper": 5.0, "goal": CHECK}
+    with_arcs = interval(**told | {"holds_from_zero_to": 4.0})
+    fault = "it has states or certificates where magnitudes make no difference"
+    for less in ({"arcs": ()}, {"slips": ()}, {}):
+        assert answers._ranges_fault(replace(with_arcs, **less), []) == fault  # type: ignore[arg-type]
+    bare = replace(with_arcs, arcs=(), slips=())
+    assert answers._ranges_fault(bare, []) == ""
+    assert answers._ranges_fault(bare, [(1.0, 2.0)]).startswith("it says")
+    none = {"lower": None, "upper": None, "holds_from_zero_to": None, "holds_from_zero_upper": None}
+    assert answers._ranges_fault(replace(interval(**told | none), arcs=(), slips=()), []) == ""
+
+
+@pytest.mark.parametrize(
+    "value", [3, "none", [1.0], [[1.0]], [[1.0, 2.0, 3.0]], [(1.0, 2.0)], [[1.0, None]], [[1.0, True]], {}]
+)
+def test_what_is_no_list_of_ranges(value: Any) -> None:
+    with pytest.raises(Refused, match=r"^holes is no list of pairs of numbers$"):
+        answers._pairs(of_maximum(holes=value), "holes")
+    for fine, pairs in (([[1, 2.5]], [(1.0, 2.5)]), ([], []), (None, [])):
+        assert answers._pairs(of_maximum(holes=fine), "holes") == pairs
+
+
+def test_a_witness_says_all_commands() -> None:
+    q = SimpleNamespace(grasp=SimpleNamespace(actuators=("a", "b")))
+    for command in ({"a": 1.0}, {"a": 1.0, "b": 1.0, "c": 1.0}):
+        with pytest.raises(BadFile, match=r"^w\.command: are not those of the actuators a, b$"):
+            answers._read_witness(Fields({"wrench": [0] * 6, "command": command}, "w"), q)  # type: ignore[arg-type]
