@@ -524,6 +524,7 @@ def test_efforts_are_put_in_from_the_balance_of_their_joint():
         (0, 0.125, 0, False, (8, 0.25), 0.5),  # the farther end is 4
         (0, 0.125, 0, True, (8, 0.25), 0.875),  # the multiplier 1 / 0.25 grows faster, so the first end is worst
         (0, 0.125, 0, True, (8, 64), 0.5),  # 1 / 64 grows more slowly
+        (0, 1 - 5e-10, 0, True, (1, 1), 1 - 4 * (1 - 5e-10)),  # or surely no faster
         (0, 0, 0.125, False, (8, 0.25), 1 - 0.125 / 8),
         (0, 0, 0.125, False, (2**-10, 64), 1 - 0.125 * 2**10),
     ],
@@ -633,6 +634,7 @@ def test_equalities_are_solved_for_again_without_what_is_0(least: float, normal:
         ([1, 5, 2, 3], [0.1, 0.1], [], [], [0, 1]),
         ([5, 1, 2, 3], [-9, 0], [], [0, 3], []),  # it may be an equality
         ([5, 9, 2, 3], [-9, 0], [], [0, 3], []),  # two are the largest
+        ([5, 1, 2, 3], [0, 0, 0, 0, 0, -9], [], [0, 3], []),  # or the last of (1)
     ],
 )
 def test_which_rows_are_chosen_by_elimination(
@@ -640,12 +642,12 @@ def test_which_rows_are_chosen_by_elimination(
 ) -> None:
     """Rows along x, y, y, and 3 x + y; (1) of x along x, that of y along x + y. What is not alive does not count."""
     found = walls_of([1, 4])
-    found.y, found.v[1, :2] = np.array([1.0, *y]), v
+    found.y, found.v[1, : len(v)] = np.array([1.0, *y]), v
     found.used, found.used_E = mask(5, 0, 1, 2, 3, 4), found.v != 0
     found.rows.either[1 + np.array(either, dtype=int)] = True
     every = np.zeros((12, 13))
     every[:7, :2] = [[1, 0], [1, 0], [0, 1], [0, 1], [3, 1], [1, 0], [1, 1]]
-    every[1:7, 5] = 7.0
+    every[10, 0], every[1:7, 5] = 1.0, 7.0
     found.every, found.alive = every, np.array([mask(12, 5), mask(12, 0, 1)])
     found.basis, found.basis_E, found.columns = ~found.used, ~found.used_E, ~found.alive
     found._choose(np.array([0, 1]), 1e-6)
@@ -832,6 +834,7 @@ def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
     entries = found.y @ found.largest[:2] + abs(found.v[0]) @ found.E_largest
     left = np.abs(found._weighed(found.y) + found.v @ found.E)
     assert left[0, 9] == 0
+    assert (asked[0] > 0).all()
     np.testing.assert_allclose(asked[0], left + 2.0**-8 * np.array([[entries], [0.0]]), rtol=1e-6, atol=1e-299)
     assert margins(sound=False)[0] == -np.inf
     change[1] = 2.5  # more than the multiplier: an inequality's may be negative
@@ -1082,7 +1085,7 @@ def test_unknowns_and_equations_are_scaled_to_like_sizes() -> None:
 def test_no_step_goes_on_once_time_is_over(step: str) -> None:
     found, one = walls_of([1]), np.array([0])
     found.used = mask(1, 0)
-    found.basis, found.basis_E, found.columns, found.more = mask(1), found.used_E, found.alive, np.zeros((2, 1))
+    found.basis, found.basis_E, found.columns, found.more = mask(1), found.used_E, found.alive, np.zeros((2, 1), int)
     more = {"_choose": (1e-9,), "_most_ranks": (True,)}.get(step, ())
     getattr(found, step)(one, *more)
     found.until = -np.inf

@@ -537,3 +537,161 @@ def test_a_witness_says_all_commands() -> None:
     for command in ({"a": 1.0}, {"a": 1.0, "b": 1.0, "c": 1.0}):
         with pytest.raises(BadFile, match=r"^w\.command: are not those of the actuators a, b$"):
             answers._read_witness(Fields({"wrench": [0] * 6, "command": command}, "w"), q)  # type: ignore[arg-type]
+
+
+# --- files, and the parts of a replay
+
+
+def test_an_answer_is_read_with_all_its_proofs(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: dict[str, Any] = {"schema": "handfast/answer/1", "query": "max", "verdict": "holds", "stop": "time"}
+    said |= {"seconds": 0.0, "nodes": 0, "verified": True, "lower": 2.0}
+    data = {"schema": "handfast/result/1", "question": "of it", "answer": said, "witness": None, "certificate": None}
+    monkeypatch.setattr(answers, "read_question", lambda x, place: (x, place))
+    monkeypatch.setattr(answers.ranges, "read_arc", lambda f, q: (f.take("arc"), f.place, q))
+    monkeypatch.setattr(answers, "read_certificate", lambda x, place, q: (x, place, q))
+    monkeypatch.setattr(answers, "_read_witness", lambda f, q: (f.take("state"), f.place, q))
+    q = ("of it", "file.question")
+    found = answers.read_answer(data | {"arcs": [{"arc": 1}, {"arc": 2}], "slips": [3]}, "file")
+    assert (found.question, found.said, found.witness, found.certificate) == (q, said, None, None)
+    assert found.arcs == ((1, "file.arcs[0]", q), (2, "file.arcs[1]", q))
+    assert found.slips == ((3, "file.slips[0]", q),)
+    found = answers.read_answer(data | {"witness": {"state": 4}, "certificate": 5}, "file")
+    assert (found.arcs, found.slips) == ((), ())
+    assert (found.witness, found.certificate) == ((4, "file.witness", q), (5, "file.certificate", q))
+    wrong = [("schema", "handfast/answer/0"), ("query", "hold"), ("verdict", "yes"), ("stop", "end"), ("seconds", -1.0)]
+    for key, bad in [*wrong, ("nodes", -1), ("nodes", 0.5), ("verified", 1), ("verified", None)]:
+        with pytest.raises(BadFile, match=rf"^file\.answer\.{key}: "):
+            answers.read_answer(data | {"answer": said | {key: bad}}, "file")
+        with pytest.raises(BadFile, match=rf"^file\.answer\.{key}: is missing"):
+            answers.read_answer(data | {"answer": {k: x for k, x in said.items() if k != key}}, "file")
+    with pytest.raises(BadFile, match=r"^file\.colour: is not a known field"):
+        answers.read_answer(data | {"colour": "red"}, "file")
+
+
+C, ROOT = SimpleNamespace(scalar=(0.5, 8.0)), SimpleNamespace(scalar=None)  # certificates
+
+
+@pytest.mark.parametrize(
+    ("query", "said", "need", "c", "claim", "complete"),
+    [
+        ("check", {"verdict": "slips", "stop": "time"}, ("none", 0.0, (0.0, 0.0)), ROOT, "none", True),
+        ("max", {}, ("none", 4.0, (4.0, 8.0)), C, "none, up to 80 times the direction", True),
+        ("max", {"stop": "time"}, ("none", 0.0, (0.5, 8.0)), C, "none, up to 80 times the direction", False),
+        ("torques", {"stop": "time"}, ("none", 0.0, (0.5, 8.0)), C, "none", False),
+        ("max", {}, ("none", 4.0, (0.4, 8.0)), C, "", True),
+        ("max", {}, ("none", 4.0, (0.5, 8.1)), C, "", True),
+        ("max", {}, ("none", 0.0, (0.0, 0.0)), ROOT, "none", True),
+    ],
+)  # fmt: skip
+def test_what_a_certificate_is_held_against(
+    query: str, said: dict[str, Any], need: Any, c: Any, claim: str, complete: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def refuted(*args: Any) -> Replay:
+        asked.append(args)
+        return Replay("certificate", figures={"motion_cap": 7.0})
+
+    monkeypatch.setattr(answers, "refuted", refuted)
+    q, motion = SimpleNamespace(magnitudes=lambda scalar: (0.0, 10 * scalar[1])), np.ones(6)
+    witness = SimpleNamespace(state=SimpleNamespace(motion=motion))
+    for w, moved in ((None, None), (witness, motion)):
+        one = replace(of_answer(query, q, **said), certificate=c, witness=w)  # type: ignore[arg-type]
+        asked.clear()
+        parts, cap = answers._certificate(one, SimpleNamespace(refuted=lambda _: need))  # type: ignore[arg-type]
+        if claim:
+            assert (parts[0].figures, cap) == ({"motion_cap": 7.0}, 7)
+            assert asked == [(claim, c, need[1], moved, complete)]
+        else:
+            lo, hi = need[2]
+            assert parts == [Replay("certificate", "none", f"it covers 0.5 to 8; the answer needs {lo:g} to {hi:g}")]
+            assert (asked, cap) == ([], None)
+
+
+def test_a_certificate_is_there_where_one_is_needed_and_nowhere_else() -> None:
+    one, none = of_answer("check", None), SimpleNamespace(refuted=lambda _: None)
+    assert answers._certificate(one, none) == ([], None)  # type: ignore[arg-type]
+    with pytest.raises(Refused, match=r"^has a certificate, but claims nothing that needs one$"):
+        answers._certificate(replace(one, certificate=C), none)  # type: ignore[arg-type]
+    with pytest.raises(Refused, match=r"^the claim: no certificate$"):
+        answers._certificate(one, SimpleNamespace(refuted=lambda _: ("the claim", 0.0, (0.0, 0.0))))  # type: ignore[arg-type]
+
+
+def test_an_answer_is_refused_for_its_parts_first_then_for_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    bad, good, done = Replay("witness", "it holds", "no state"), Replay("certificate", "none"), list[Any]()
+    query = SimpleNamespace(smaller=lambda _: [Replay("interval")])
+    monkeypatch.setitem(answers.QUERIES, "max", query)  # type: ignore[arg-type]
+
+    def compare(saved: Any, asked: Any, proved: Any, cap: Any) -> None:
+        done.append((proved, cap))
+        if saved.said.get("lower"):
+            raise Refused("lower is wrong")
+
+    monkeypatch.setattr(answers, "_compare", compare)
+    monkeypatch.setattr(answers, "_certificate", lambda *_: ([good], 7.0))
+    monkeypatch.setattr(answers, "_witness", lambda *_: ("proved", good))
+    one = of_answer("max", None)
+    found = answers.replay(one)
+    assert (found.name, found.ok, [p.name for p in found.parts]) == (
+        "max",
+        True,
+        ["certificate", "certificate", "interval"],
+    )
+    assert found.not_replayed == (answers.ANSWER_NOT_REPLAYED,)
+    assert answers.replay(of_answer("max", None, limit={})).not_replayed[0] == answers.LIMIT_CLAIM
+    found = answers.replay(of_answer("max", None, lower=3.0))
+    assert found.reason == "answer: lower is wrong"
+    assert done == [("proved", 7)] * 3
+    unheld = of_answer("max", None, verdict="undecided")
+    assert len(answers.replay(unheld).parts) == 2
+    assert done[3:] == [(None, 7)]
+    monkeypatch.setattr(answers, "_witness", lambda *_: ("proved", bad))
+    assert answers.replay(one).reason == "witness: no state"
+    assert answers.replay(replace(unheld, witness=1)).reason == "witness: no state"  # type: ignore[arg-type]
+    assert len(done) == 4
+
+
+def test_the_state_of_an_answer_is_that_of_its_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, state = list[Any](), SimpleNamespace()
+    w = SimpleNamespace(command=np.array([1.0, 2.0]), state=state)
+
+    def prove(problem: Any, x: Any, least: float) -> Proved:
+        asked.append((problem, x, least))
+        return Proved(True, False, "", 1e-12, 0.5, 2.5)
+
+    monkeypatch.setattr(answers, "prove", prove)
+    monkeypatch.setattr(answers, "Problem", SimpleNamespace(of=lambda *args: args))
+    query = SimpleNamespace(
+        held=lambda saved, w: ("it holds", "base", "along", 4.0, np.array([1.0, 2.0])),
+        least=lambda saved: 3.0, held_fault=lambda saved, w, found: "too little" if found.motion != 2.5 else "",
+    )  # fmt: skip
+    one = replace(of_answer("max", "of it"), witness=w)  # type: ignore[arg-type]
+    found, part = answers._witness(one, query)  # type: ignore[arg-type]
+    (problem, x, least), *_ = asked
+    assert (problem[0], problem[2:], x is state, least) == ("of it", ("base", "along", 4.0), True, 3)
+    assert problem[1].tolist() == [1, 2]
+    assert found is not None
+    assert (part.name, part.claim, part.ok) == ("witness", "it holds, with virtual motions of 2.5 N", True)
+    w.command = np.array([1.0, 2.001])
+    found, part = answers._witness(one, query)  # type: ignore[arg-type]
+    assert (found, part) == (None, Replay("witness", "it holds", "it is a state with other commands"))
+    with pytest.raises(Refused, match=r"^HOLDS without a witness$"):
+        answers._witness(of_answer("max", None), query)  # type: ignore[arg-type]
+    with pytest.raises(Refused, match=r"^SLIPS with a witness$"):
+        answers._witness(replace(of_answer("max", None, verdict="slips"), witness=w), query)  # type: ignore[arg-type]
+
+
+def test_a_check_says_that_its_load_is_held_or_not() -> None:
+    q = SimpleNamespace(wrench=ALONG, goal=CHECK, grasp=SimpleNamespace(command="its own"), claim=lambda _: "none")
+    w, query = SimpleNamespace(wrench=ALONG * NEAR), answers.Query()
+    held = query.held(of_answer("check", q), w)  # type: ignore[arg-type]
+    assert held == ("the disturbance is resisted", ALONG, None, 0.0, "its own")
+    w.wrench = ALONG * OFF
+    with pytest.raises(Refused, match=r"^witness: it is a state under another disturbance$"):
+        query.held(of_answer("check", q), w)  # type: ignore[arg-type]
+    assert query.refuted(of_answer("check", q, verdict="slips")) == ("none", 0.0, (0.0, 0.0))
+    assert query.refuted(of_answer("check", q)) is None
+    q.goal = TORQUES
+    with pytest.raises(Refused, match=r"^is of a check, its question of 'torques'$"):
+        query.refuted(of_answer("check", q))
+    assert query.held_fault(None, w, None) == ""  # type: ignore[arg-type]
