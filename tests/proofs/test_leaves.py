@@ -706,7 +706,7 @@ def test_which_systems_are_tried_again_with_the_rank_by_entries(monkeypatch: pyt
 
     Tried again is what was not shown, and has a lower rank by entries.
     """
-    table = {
+    table: dict[tuple[Any, ...], tuple[int, int]] = {
         (3, 2): (9, 9),  # square, shown
         (4, 2): (2, 9),  # one row too many
         (2, 3): (2, 1),  # as many rows as the rank: nothing follows before entries are counted

@@ -415,20 +415,30 @@ def test_what_a_maximum_says_of_an_interval_and_of_a_limit() -> None:
 
 def interval(**said: Any) -> answers.SavedAnswer:
     """What is said to hold from 0 on, with two arcs and a certificate."""
-    told = {"lower": 4.0, "upper": 5.0, "holds_from_zero_to": 2.0, "resolution": 0.1, "holes": [], "unproved": []}
+    told: dict[str, Any] = {
+        "lower": 4.0,
+        "upper": 5.0,
+        "holds_from_zero_to": 2.0,
+        "resolution": 0.1,
+        "holes": [],
+        "unproved": [],
+    }
     arcs = SimpleNamespace(first=0.0, last=1.0), SimpleNamespace(first=1.0, last=2.0)
     found = of_maximum(**told | said)
-    found.question.magnitudes = lambda scalar: (10 * scalar[0], 10 * scalar[1])  # type: ignore[method-assign]
-    found.question.claim = lambda scalar: f"none of {scalar[0]} to {scalar[1]}"  # type: ignore[method-assign]
+    q: Any = found.question
+    q.magnitudes = lambda scalar: (10 * scalar[0], 10 * scalar[1])
+    q.claim = lambda scalar: f"none of {scalar[0]} to {scalar[1]}"
     certificate = SimpleNamespace(scalar=(0.3, 0.4))
     return replace(found, arcs=arcs, slips=(certificate,))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("key", ["holds_from_zero_upper", "holes", "unproved"])
 def test_nothing_is_said_of_an_interval_that_is_not_there(key: str) -> None:
+    said: dict[str, Any] = {key: [[1.0, 2.0]]}
     with pytest.raises(Refused, match=r"^has holes, but does not say up to where everything is resisted$"):
-        answers.Maximum().smaller(of_maximum(**{key: [[1.0, 2.0]]}))
-    assert answers.Maximum().smaller(of_maximum(**{key: []}, resolution=0.1)) == []
+        answers.Maximum().smaller(of_maximum(**said))
+    none: dict[str, Any] = {key: [], "resolution": 0.1}
+    assert answers.Maximum().smaller(of_maximum(**none)) == []
     for more in ({"arcs": interval().arcs}, {"slips": interval().slips}):
         with pytest.raises(Refused, match=r"^has states or certificates of smaller magnitudes, but claims nothing"):
             answers.Maximum().smaller(replace(of_maximum(), **more))
@@ -485,11 +495,12 @@ def test_what_is_said_of_smaller_magnitudes_is_what_is_shown(monkeypatch: pytest
 
     monkeypatch.setattr(answers, "known", known)
     monkeypatch.setattr(answers, "farthest", lambda q: 1e5)
-    told = {"holds_from_zero_upper": 4.5, "unproved": [[2.5, 3.0]]}
+    told: dict[str, Any] = {"holds_from_zero_upper": 4.5, "unproved": [[2.5, 3.0]]}
     one, holes = interval(**told), [(3.0, 4.0)]
     assert answers._ranges_fault(one, holes) == ""
     assert asked == [([(0, 1), (1, 2)], [(3, 4)], 4, 5, 0.1, 10)]
-    for other in ({"holds_from_zero_to": 2.5}, {"holds_from_zero_upper": None}, {"unproved": []}):
+    others: list[dict[str, Any]] = [{"holds_from_zero_to": 2.5}, {"holds_from_zero_upper": None}, {"unproved": []}]
+    for other in others:
         said = answers._ranges_fault(interval(**told | other), holes)
         assert said.startswith("it says Known(")
         assert said.endswith(f"; what is shown is {shown}")
@@ -510,7 +521,7 @@ def test_what_is_said_of_smaller_magnitudes_is_what_is_shown(monkeypatch: pytest
 
 
 def test_where_magnitudes_make_no_difference_the_bounds_are_all_that_is_said() -> None:
-    told = {"holds_from_zero_upper": 5.0, "goal": CHECK}
+    told: dict[str, Any] = {"holds_from_zero_upper": 5.0, "goal": CHECK}
     with_arcs = interval(**told | {"holds_from_zero_to": 4.0})
     fault = "it has states or certificates where magnitudes make no difference"
     for less in ({"arcs": ()}, {"slips": ()}, {}):
@@ -620,7 +631,7 @@ def test_a_certificate_is_there_where_one_is_needed_and_nowhere_else() -> None:
 def test_an_answer_is_refused_for_its_parts_first_then_for_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     bad, good, done = Replay("witness", "it holds", "no state"), Replay("certificate", "none"), list[Any]()
     query = SimpleNamespace(smaller=lambda _: [Replay("interval")])
-    monkeypatch.setitem(answers.QUERIES, "max", query)  # type: ignore[arg-type]
+    monkeypatch.setitem(answers.QUERIES, "max", query)
 
     def compare(saved: Any, asked: Any, proved: Any, cap: Any) -> None:
         done.append((proved, cap))
