@@ -123,6 +123,9 @@ def test_sectors_of_an_open_contact_where_normals_are_uncertain():
     assert cases(walls(eta=0.1), *nodes).shape == (4, 4, 3)
     with pytest.raises(BadCertificate, match="node 1, split of contact 0: it is decided already"):
         cases(walls(), *nodes)
+    halves = [(CLOSED, 0, HALF_TURN), (CLOSED, HALF_TURN, TURN_DIRECTIONS)]
+    with pytest.raises(BadCertificate, match="node 1, split of contact 0: a child is no sector, or not of the right"):
+        cases(walls(eta=0.1), *SPLIT, *((1, 0, *half) for half in halves))  # an open contact is not closed
 
 
 def test_octants_and_halves_of_patches():

@@ -14,9 +14,12 @@ from handfast.proofs import answers, checker
 from handfast.proofs.constants import END_TOLERANCE
 from handfast.proofs.existence import Proved
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields
+from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import CHECK, LARGEST_GOAL, SMALLEST_PRELOAD, TORQUES
 from handfast.proofs.ranges import Known
 from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.states import ContactMode
+from tests.support.small_grasp import small_grasp
 
 NEAR, OFF = 1 + 0.9 * EQUALITY_TOLERANCE, 1 + 1.1 * EQUALITY_TOLERANCE
 
@@ -706,3 +709,45 @@ def test_a_check_says_that_its_load_is_held_or_not() -> None:
     with pytest.raises(Refused, match=r"^is of a check, its question of 'torques'$"):
         query.refuted(of_answer("check", q))
     assert query.held_fault(None, w, None) == ""  # type: ignore[arg-type]
+
+
+def test_what_is_said_of_a_state_by_hand() -> None:
+    """The object moves along x by 1. Contact 0, a soft finger of lever 1/2, has n, t1, t2 along z, y and -x.
+
+    Its joints: turn moves it by 1/4 along t2 and turns it by 1/2 over the lever, slide moves it along t1 and contact 1
+    against t2, roll moves contact 1 by 1/4 along t1 and t2.
+    """
+    g = read_grasp(small_grasp(), "g")
+    x = SimpleNamespace(
+        motion=np.eye(9)[0], r=np.eye(6)[0], q=np.array([0.0, 2.0, 3.0]), c=np.array([2.0, 3.0, 4.0, 1.0, 8.0, -4.0]),
+        f=np.array([7.0, 8.0, 9.0]), torsion=np.array([0.25, 0.0]), reaction=np.array([4.0, 5.0, 6.0]),
+    )  # fmt: skip
+    modes = SimpleNamespace(contact=np.array([ContactMode.RUBS, ContactMode.TOUCHES]))
+    names = {"link": "tip", "position": [0.5, 0, 0], "normal_force": 2, "friction_force": 5, "state": "slide"}
+    first = names | {"force": [-4, 3, 2], "motion": [1, 0, 0], "torsion": 0.25}
+    names = {"link": "", "position": [0, -0.25, 0.25], "normal_force": 1, "state": "open"}
+    second = names | {"force": [-1, 4, -8], "motion": [1, 0, 0], "friction_force": pytest.approx(np.sqrt(80))}
+    wanted = {
+        "residual": 1e-12,
+        "contacts": [first, second],
+        "joint_torques": {"turn": 1.25, "slide": 7, "roll": 1},
+        "actuator_forces": {"pull": 7, "push": 8, "back": 9},
+        "object_motion": [1, 0, 0, 0, 0, 0],
+        "joint_motion": {"turn": 0, "slide": 2, "roll": 3},
+        "joint_reactions": {"turn": 4, "slide": 5, "roll": 6},
+    }
+    for exact, tolerant in ((True, False), (False, True)):
+        proved = Proved(exact, tolerant, "", 1e-12, modes=modes)  # type: ignore[arg-type]
+        assert answers.described(g, x, proved) == wanted  # type: ignore[arg-type]
+    free = replace(
+        g, friction=0 * g.friction, torque=0 * g.torque, stop=0 * g.stop, backdrivable=g.backdrivable & False
+    )
+    assert answers.described(free, x, proved).keys() == wanted.keys() - {"joint_reactions"}  # type: ignore[arg-type]
+    none = answers.described(g, x, Proved(False, False, "", 1.0))  # type: ignore[arg-type]
+    assert none == dict.fromkeys(wanted.keys() - {"joint_reactions"})
+
+
+def test_of_a_check_nothing_but_its_state_is_told() -> None:
+    assert answers.Query().shown(of_answer("check", SimpleNamespace(grasp=None)), None) == answers.UNPROVED_STATE | {
+        "margin": None
+    }
