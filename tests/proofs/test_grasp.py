@@ -322,6 +322,30 @@ def test_sizes_by_hand(small: GraspData) -> None:
     np.testing.assert_allclose(small.actuator_arms, [0.125, np.sqrt(0.5), np.sqrt(0.125) / 4], rtol=1e-15)
 
 
+def test_units_of_rows_by_hand(small: GraspData) -> None:
+    """How much each moves where r, turns over the size, and joints over their arms are 1."""
+    size, pull, push, slide = np.sqrt(0.09375), 2 / 0.25, 0.5 / np.sqrt(0.125), np.sqrt(0.5)
+    np.testing.assert_allclose(small.column_units, [1, 1, 1, *[1 / size] * 3, 4, slide, np.sqrt(8)])
+    # along t1 of contact 0: y, 1/2 about z, and the slide; pull: 2 of turn and 1 of slide; push: 1/2 of roll
+    wanted = {1: np.sqrt(1 + 0.25 / 0.09375 + 0.5), 7: np.hypot(pull, slide), 8: push, 11: 4, 14: 1}
+    np.testing.assert_allclose(small.row_units[[*wanted]], [*wanted.values()])
+
+
+@pytest.mark.parametrize(("most", "data", "problem"), [
+    (3, small_grasp(), ""),
+    (2, small_grasp(), "has 2 contacts and 3 joints; 1 to 2 are possible"),
+    (2, small_grasp() | {"joints": [], "mechanism": None, "preload": {}}, ""),
+    (1, small_grasp() | {"joints": [], "mechanism": None, "preload": {}}, "has 2 contacts and 0 joints; 1 to 1 are"),
+])  # fmt: skip
+def test_as_many_as_possible(most: int, data: dict[str, Any], problem: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.proofs.grasp.MAX_GRASP_SIZE", most)
+    if problem:
+        with pytest.raises(BadFile, match=problem):
+            read_grasp(data, "g")
+    else:
+        assert read_grasp(data, "g").m == 2
+
+
 def single(position: list[float], *joints: dict[str, Any], **contact: Any) -> GraspData:
     """One contact with the normal x, and joints that move it."""
     return read_grasp(

@@ -836,6 +836,7 @@ def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
     assert left[0, 9] == 0
     assert (asked[0] > 0).all()
     np.testing.assert_allclose(asked[0], left + 2.0**-8 * np.array([[entries], [0.0]]), rtol=1e-6, atol=1e-299)
+    assert (asked[0][0] >= left[0] + 2.0**-8 * entries).all()
     assert margins(sound=False)[0] == -np.inf
     change[1] = 2.5  # more than the multiplier: an inequality's may be negative
     assert margins(sound=True)[0] == -np.inf
@@ -946,6 +947,7 @@ def test_ranks_of_point_contacts_by_hand() -> None:
         ([6, 9, 12], every, [0, 1, 2], False, [0, 9]),
         ([6, 9, 9], every, [0, 1, 2], False, [0, 9]),  # by entries 8: two are about one force
         ([], every, [0, 1], True, [0, 6]),  # the load besides: torques about both contacts count
+        ([scalar], every, [0, 1], True, [0, 6]),  # forces through two points have 5
         ([], every[:3], [0, 1], False, [0, 3]),
         ([], every[1:], [0, 1], False, [0, 5]),
         ([*d(0), 6], every, [0, 1, 3], False, [3, 7]),
@@ -993,7 +995,7 @@ def test_multipliers_in_rational_numbers_are_those_of_rows_in_their_own_units() 
 def test_ranks_of_joints_soft_fingers_and_geared_motors_by_hand() -> None:
     """Four parallel joints before contact 0 move it in a plane; those before the soft finger 1 move it freely.
 
-    The motor of the first joint turns half as fast: its effort is not put in. Two joints of contact 0 are coupled.
+    The motor of the first joint turns half as fast: its effort is not put in. Two joints of each contact are coupled.
     """
     contacts = [contact([1, 2, 3], [1 / 3, 2 / 3, 2 / 3]), contact([-2, 1, 1.5], [2 / 3, -1 / 3, 2 / 3], torsion=0.1)]
     axes = [[0, 0, 1]] * 4 + [[0.6, 0.8, 0], [0, 0.6, 0.8], [0.8, 0, 0.6]]
@@ -1004,12 +1006,12 @@ def test_ranks_of_joints_soft_fingers_and_geared_motors_by_hand() -> None:
     actuators = [{"name": j["name"], "joints": {j["name"]: 1.0 if k else 0.5}} for k, j in enumerate(joints)]
     q = question(
         contacts, [0] * 6, joints=joints, preload={j["name"]: 1.0 for j in joints},
-        mechanism={"actuators": actuators, "couplings": [{"j1": 1.0, "j2": -1.0}]},
+        mechanism={"actuators": actuators, "couplings": [{"j1": 1.0, "j2": -1.0}, {"j4": 1.0, "j5": 1.0}]},
     )  # fmt: skip
     made = equations_of(q)
     at, n, wrench = made.columns, made.columns.n, [*range(6)]
     assert made.solved[0].tolist() == [*range(7, 13)]
-    tie, geared, turning, t = 13, 6, n + len(made.Z) - 1, n + 6
+    tie, other_tie, geared, turning, t = 13, 14, 6, n + len(made.Z) - 1, n + 6
 
     def d(*contacts: int) -> list[int]:
         return [n + 3 * k + i for k in contacts for i in range(3)]
@@ -1022,6 +1024,7 @@ def test_ranks_of_joints_soft_fingers_and_geared_motors_by_hand() -> None:
         ([*3 * d(0), t], [], [], False, [6, 0]),  # by its motor
         ([*3 * d(0), t + 4], [], [], False, [6, 0]),  # a joint of the other contact
         (3 * d(0), [tie], [], False, [7, 0]),  # two of them by their coupling, and 2 of the others
+        (3 * d(0), [other_tie], [], False, [7, 0]),  # two joints of the other contact, by entries one
         (3 * d(1), [], [], False, [6, 0]),
         (3 * d(0, 1), [], [], False, [10, 0]),  # 5 of the object, 2 of four joints and all 3
         ([*3 * d(0), turning], [], [], False, [10, 0]),
@@ -1046,8 +1049,12 @@ def test_ranks_of_joints_soft_fingers_and_geared_motors_by_hand() -> None:
     found._use(np.array([mask(len(made.E), *row[1]).astype(float) for row in table]))
     wanted = [row[-1] for row in table]
     assert found._most_ranks(np.arange(len(table))).tolist() == wanted
-    wanted[7] = wanted[8] = [9, 0]  # by entries the three joints count once, as one row alone knows them
-    wanted[15] = [0, 2]  # and what two rows say of one force once
+    wanted[5], wanted[8], wanted[9] = (
+        [6, 0],
+        [9, 0],
+        [9, 0],
+    )  # by entries the three joints count once, as one row alone knows them
+    wanted[16] = [0, 2]  # and what two rows say of one force once
     assert found._most_ranks(np.arange(len(table)), by_entries=True).tolist() == wanted
 
 
@@ -1091,3 +1098,9 @@ def test_no_step_goes_on_once_time_is_over(step: str) -> None:
     found.until = -np.inf
     with pytest.raises(Late):
         getattr(found, step)(one, *more)
+
+
+def test_rounding_is_that_of_as_many_terms_as_any_leaf_has() -> None:
+    found = walls_of([5, 1, 3])
+    terms = 5 + sum(found.E.shape) + len(found.equations.Z)
+    assert found.error == ENTRY_ROUNDING + 4 * terms * UNIT_ROUNDOFF
