@@ -13,7 +13,7 @@ from flint import fmpq
 
 from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.proofs.fields import BadFile
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.grasp import (
     LENGTH_ROUNDING,
     MAX_GRASP_SIZE,
@@ -22,6 +22,7 @@ from handfast.proofs.grasp import (
     GraspData,
     StartData,
     read_grasp,
+    read_start,
 )
 from handfast.readers.grasp_file import load_grasp, to_dict
 from tests.support.law_grasps import random_law_grasp
@@ -438,7 +439,9 @@ def test_stops() -> None:
     data = small_grasp()
     for joint, stop in zip(data["joints"], ("lower", "both", "upper"), strict=True):
         joint["stop"] = stop
-    lower, upper = read_grasp(data, "g").stops
+    g = read_grasp(data, "g")
+    lower, upper = g.stops
+    assert g.stop_side.tolist() == [1, 0, -1]
     assert lower.tolist() == [True, True, False]
     assert upper.tolist() == [False, True, True]
     assert not np.any(read_grasp(altered("joints.2.stop", ""), "g").stops)
@@ -687,6 +690,29 @@ def test_of_several_names_twice_the_first_is_told() -> None:
 def test_what_is_no_grasp(data: Any) -> None:
     with refused("is no object", "g"):
         read_grasp(data, "g")
+
+
+def test_a_step_says_where_it_starts(small: GraspData) -> None:
+    """Of the actuators pull is a tendon; the roll has an upper stop. Slack counts where nobody commands."""
+    start: dict[str, Any] = {"gaps": [-0.5, 0.25], "stops": [0.0, 0, 2], "slack": [3.0, 4, 5]}
+    step = read_start(Fields({"from": start}, "s"), small)
+    assert step.gaps.tolist() == [-0.5, 0.25]
+    assert step.stops_left.tolist() == [0, 0, -2]
+    assert step.slack.tolist() == [0, 0, 0]
+    assert step.with_command(np.zeros(3)).slack.tolist() == [3, 0, 0]
+    assert small.slack.tolist() == [0, 0, 0]
+    assert small.with_start(None).start is None
+    for name, bad, problem in (
+        ("gaps", [0.0], "has 1 numbers; 2 are needed"),
+        ("stops", [0.0, 0.0, -1e-9], "has a negative number; 0 or more is needed"),
+        ("slack", [0.0, -1.0, 0.0], "has a negative number; 0 or more is needed"),
+        ("stops", [0.0, 0.0], "has 2 numbers; 3 are needed"),
+        ("slack", [0.0] * 4, "has 4 numbers; 3 are needed"),
+    ):
+        with refused(problem, f"s.from.{name}"):
+            read_start(Fields({"from": start | {name: bad}}, "s"), small)
+    with refused("is not a known field; leave it out", "s.from.more"):
+        read_start(Fields({"from": start | {"more": 1}}, "s"), small)
 
 
 def test_a_step_starts_from_its_own_numbers_whatever_was_worked_out_before() -> None:
