@@ -89,6 +89,15 @@ def test_root_alone_is_a_leaf():
     assert cases(walls()).tolist() == [[[0, 0, 0]] * 4]
 
 
+def test_the_root_changes_nothing() -> None:
+    """What stands there in place of a part and its case counts for nothing."""
+    parent, part, *change = np.array([(-1, 0, CLOSED, 1, 2), *SPLIT]).T
+    found = leaf_cases(walls(), parent, part, np.column_stack(change))
+    assert found[:, 0].tolist() == [[OPEN, 0, 0], [CLOSED, 0, 0]]
+    assert not found[:, 1:].any()
+    assert not leaf_cases(walls(), parent[:1], part[:1], np.column_stack(change)[:1]).any()
+
+
 def test_cases_are_those_of_parents_with_one_part_changed():
     found = cases(walls(), *closed((STICK, 0, 0), *SECTORS), (1, 2, LOCKED, 0, 0), (1, 2, MOVES, 0, 0))
     assert found[:, 0].tolist() == [[STICK, 0, 0], *map(list, SECTORS), [OPEN, 0, 0], [OPEN, 0, 0]]
@@ -177,6 +186,10 @@ BAD = {
     "not all of the sector": (
         [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 7, THIRD - 1)],
         "are not those of the node",
+    ),
+    "a gap in a sector that is halved": (
+        [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 8, THIRD)],
+        "node 4, split of contact 0: the sectors leave a gap, or overlap",
     ),
     "beyond the sector": (
         [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, -1, 7), (4, 0, SLIDE, 7, THIRD)],
