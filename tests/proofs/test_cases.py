@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import HALF_TURN, MAX_PATCH, BadCertificate, contains, leaf_cases
+from handfast.proofs.cases import HALF_TURN, MAX_PATCH, STATES, BadCertificate, contains, leaf_cases
 from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
@@ -89,9 +89,10 @@ def test_root_alone_is_a_leaf():
     assert cases(walls()).tolist() == [[[0, 0, 0]] * 4]
 
 
-def test_the_root_changes_nothing() -> None:
+@pytest.mark.parametrize("there", [0, 3, -1, 99])
+def test_the_root_changes_nothing(there: int) -> None:
     """What stands there in place of a part and its case counts for nothing."""
-    parent, part, *change = np.array([(-1, 0, CLOSED, 1, 2), *SPLIT]).T
+    parent, part, *change = np.array([(-1, there, CLOSED, 1, 2), *SPLIT]).T
     found = leaf_cases(walls(), parent, part, np.column_stack(change))
     assert found[:, 0].tolist() == [[OPEN, 0, 0], [CLOSED, 0, 0]]
     assert not found[:, 1:].any()
@@ -146,6 +147,13 @@ def test_octants_and_halves_of_patches():
 BAD = {
     "parent of the root": ([(0, 0, 0, 0, 0)], "node 0 has parent 0"),
     "parent after the node": ([ROOT, (2, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)], "node 1 has parent 2"),
+    "parent of itself": ([ROOT, (1, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)], "node 1 has parent 1"),
+    "states that are none": ([ROOT, (0, 0, OPEN, 0, 0), (0, 0, -1, 0, 0)], "needs OPEN and CLOSED"),
+    "states that would be another node's": (
+        [ROOT, *SPLIT, *((1, 1, *to) for to in ((OPEN, 0, 0), (CLOSED + STATES + 1, 0, 0))),
+         *((2, 1, *to) for to in ((OPEN, 0, 0), (CLOSED - STATES - 1, 0, 0)))],
+        "node 1, split of contact 1: needs OPEN and CLOSED",
+    ),
     "second root": ([ROOT, ROOT], "node 1 has parent -1"),
     "no such part": ([ROOT, (0, 4, LOCKED, 0, 0), (0, 4, MOVES, 0, 0)], "node 1 changes part 4; there are 4"),
     "negative part": ([ROOT, (0, -1, LOCKED, 0, 0)], "changes part -1"),
