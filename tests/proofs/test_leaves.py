@@ -58,6 +58,13 @@ def test_pivots_are_independent_rows_in_their_order_and_their_columns():
     assert columns[1].tolist() == [True, True, False]
 
 
+def test_rows_that_depend_on_others_leave_no_pivot_but_for_rounding() -> None:
+    """Half of a row; and 10^12 in a column that was eliminated with a pivot of 49, as 49 times 1 / 49 is not quite 1."""
+    rows, columns = _pivots(np.array([[[2.0, 4.0], [1.0, 2.0]], [[49.0, 0.0], [1e12, 0.0]]]), 1e-6)
+    assert rows.tolist() == [[True, False]] * 2
+    assert columns.tolist() == [[False, True], [True, False]]
+
+
 @pytest.mark.parametrize("values", [np.array([5, 6, 7]), np.array([[5, 6, 7], [5, 6, 7], [5, 6, 7]])])
 def test_values_that_are_there_in_their_order(values):
     there = np.array([[True, False, True], [False, False, False], [True, True, True]])
@@ -591,17 +598,17 @@ def test_the_row_with_the_largest_multiplier_of_those_used_is_left_out() -> None
 
 def test_which_rows_and_equalities_are_used() -> None:
     """Those whose multipliers are no less than a share of the largest of their leaf, and that touch what is not 0."""
-    found = walls_of([2, 1, 0])
-    found.stated = np.array([1.0, 0.5, 1e-4])
-    found.touches = np.array([mask(12, 0, 6), mask(12, 7), mask(12, 8)])
+    found = walls_of([3, 1, 0])
+    found.stated = np.array([1.0, 0.5, 2e-3, 1e-4])
+    found.touches = np.array([mask(12, 0, 6), mask(12, 7), mask(12, 0), mask(12, 8)])
     found.E_touches = np.array([mask(12, 6, 9), mask(12, 7), mask(12, 10), *[mask(12, 11)] * 3])
     found.rows.zero[0, 7] = True
-    v = np.array([[0.5, -0.25, -1e-4, 0, 0, 0], [0, 0, 0, -1.0, 0, 0], [-2.0, 0, 2e-3, 0, 0, 0]])
+    v = np.array([[4.0, -0.25, -1e-4, 0, 0, 0], [0, 0, 0, -1.0, 0, 0], [-2.0, 0, 2e-3, 0, 0, 0]])
     found._use(v, 1e-3)
-    assert found.top.tolist() == [1, 1, 2]
-    assert found.y.tolist() == [1, 0.5, 0]
-    assert found.used.tolist() == [True, False, False]
-    assert found.v.tolist() == [[0.5, -0.25, 0, 0, 0, 0], [0, 0, 0, -1, 0, 0], [-2, 0, 0, 0, 0, 0]]
+    assert found.top.tolist() == [4, 1, 2]
+    assert found.y.tolist() == [1, 0.5, 0, 0]
+    assert found.used.tolist() == [True, False, False, False]
+    assert found.v.tolist() == [[4, -0.25, 0, 0, 0, 0], [0, 0, 0, -1, 0, 0], [-2, 0, 0, 0, 0, 0]]
     assert np.argwhere(found.used_E).tolist() == [[0, 0], [1, 3], [2, 0]]
     assert [np.flatnonzero(x).tolist() for x in found.alive] == [[0, 6, 9], [11], [6, 9]]
 
@@ -1077,13 +1084,15 @@ def test_multipliers_of_equalities_are_in_their_own_units_in_rational_numbers() 
 
 def test_unknowns_and_equations_are_scaled_to_like_sizes() -> None:
     """The scalar's load is 8 N: (1) along x is c_n - c_n + 8 s, of which 8 s is the unknown. The lever is 4 m."""
-    found = walls_of([1], goal=LARGEST_GOAL, direction=[8, 0, 0, 0, 0, 0], size=4.0)
+    found = walls_of([1], [0, 0, 0, 0, 0, 2], goal=LARGEST_GOAL, direction=[8, 0, 0, 0, 0, 0], size=4.0)
     value = np.zeros((1, found.rows.value.shape[1]))
     value[0, 12] = 1.0
     one = a_leaf(found, value, np.ones(1), np.ones(1), mask(1))
     assert found.equations.scale[12] == 1 / 8
     assert one.E[0, [6, 9, 12]].tolist() == [1, -1, 1]
     assert one.E[5, [8, 11]].tolist() == [1, -1]
+    assert one.E_largest[[0, 5]].tolist() == [1, 1]
+    assert one.h[5] == -0.5
     assert one.E_touches[0].tolist() == mask(13, 6, 9, 12).tolist()
     assert (one.F[0, 12], one.unit[0], one.b[0], one.largest[0], one.stated[0]) == (1, 1 / 8, 8, 1, 1 / 8)
 
