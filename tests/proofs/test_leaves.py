@@ -59,7 +59,7 @@ def test_pivots_are_independent_rows_in_their_order_and_their_columns():
 
 
 def test_rows_that_depend_on_others_leave_no_pivot_but_for_rounding() -> None:
-    """Half of a row; and 10^12 in a column that was eliminated with a pivot of 49, as 49 times 1 / 49 is not quite 1."""
+    """Half of a row; and 10^12 in a column that was eliminated with a pivot of 49: 49 times 1 / 49 is not quite 1."""
     rows, columns = _pivots(np.array([[[2.0, 4.0], [1.0, 2.0]], [[49.0, 0.0], [1e12, 0.0]]]), 1e-6)
     assert rows.tolist() == [[True, False]] * 2
     assert columns.tolist() == [[False, True], [True, False]]
@@ -697,6 +697,7 @@ def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, 
     rows, columns = max(upper + 2.0**-12 * size, 2.0**-10 * size), np.array([0, upper]) + 2.0**-10 * size
     assert square.regular.tolist() == [regular]
     assert (square._columns[0] >= columns).all()
+    assert square._rows[0] >= rows
     residual = np.array([[1.0, 8.0]])
     with np.errstate(all="ignore"):
         bound, sound = square.bound(residual)
@@ -956,6 +957,7 @@ def test_ranks_of_point_contacts_by_hand() -> None:
         ([], every, [0, 1], True, [0, 6]),  # the load besides: torques about both contacts count
         ([scalar], every, [0, 1], True, [0, 6]),  # forces through two points have 5
         ([], every[:3], [0, 1], False, [0, 3]),
+        (3 * [scalar], every[:3], [0, 1], True, [0, 4]),
         ([], every[1:], [0, 1], False, [0, 5]),
         ([*d(0), 6], every, [0, 1, 3], False, [3, 7]),
         (d(0)[:2], every, [0, 1], False, [2, 5]),

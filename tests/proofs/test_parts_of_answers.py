@@ -239,6 +239,7 @@ def test_what_an_upper_bound_has_to_be_shown_for(
         (0.0, 0.0, "the base load is resisted"),
         (2.0, 2.0, "2 times the direction is resisted, or more"),
         (2.0, 2.5, "2 times the direction is resisted, or more"),
+        (0.5, 0.5, "0.5 times the direction is resisted, or more"),
         (2.0, 1.9, ""),
         (2.0, -1.0, ""),
     ],
@@ -295,7 +296,7 @@ STAYS = "an actuator is commanded that was to stay locked, or a backdrivable one
 
 def of_torques(*, sums: bool = False, **said: Any) -> answers.SavedAnswer:
     """Three actuators, the first two sought, the first pulled in the other sense; the last is backdrivable."""
-    g = SimpleNamespace(backdrivable=mask(0, 0, 1), command=np.array([-1.0, 2.0, 0.25]))
+    g = SimpleNamespace(backdrivable=mask(0, 0, 1), command=np.array([-1.0, 0.5, 0.25]))
     q = SimpleNamespace(grasp=g, sought=mask(1, 1, 0), sums=sums, goal=TORQUES, wrench=ALONG, driven=("a", "b"))
     g.actuators = ("a", "b", "c")
     return of_answer("torques", q, **said)
@@ -462,7 +463,7 @@ def test_how_an_interval_is_told(reasons: tuple[str, ...], monkeypatch: pytest.M
     of_arcs = {0.0: (reasons[0], 0.5), 1.0: (reasons[1], 0.25)}
     monkeypatch.setattr(answers.ranges, "replayed", lambda q, arc: of_arcs[arc.first] if q is one.question else None)
     monkeypatch.setattr(answers, "_slips_fault", lambda saved: reasons[2] if saved is one else None)
-    monkeypatch.setattr(answers, "_ranges_fault", lambda saved, holes: reasons[3] if len(holes) == 2 else None)
+    monkeypatch.setattr(answers, "_ranges_fault", lambda saved, _: reasons[3] if len(_) == 2 and saved is one else None)
     claim = "everything up to 2 times the direction is resisted, nothing at 1 to 1.5, 1.75 to 2"
     figures = {"arcs": 2, "slips": 1, "residual": 0.5}
     (found,) = answers.Maximum().smaller(one)
@@ -637,13 +638,14 @@ def test_an_answer_is_refused_for_its_parts_first_then_for_what_it_says(monkeypa
     monkeypatch.setitem(answers.QUERIES, "max", query)
 
     def compare(saved: Any, asked: Any, proved: Any, cap: Any) -> None:
+        assert asked is query
         done.append((proved, cap))
         if saved.said.get("lower"):
             raise Refused("lower is wrong")
 
     monkeypatch.setattr(answers, "_compare", compare)
-    monkeypatch.setattr(answers, "_certificate", lambda *_: ([good], 7.0))
-    monkeypatch.setattr(answers, "_witness", lambda *_: ("proved", good))
+    monkeypatch.setattr(answers, "_certificate", lambda saved, asked: ([good], 7.0) if saved and asked is query else 0)
+    monkeypatch.setattr(answers, "_witness", lambda saved, asked: ("proved", good) if saved and asked is query else 0)
     one = of_answer("max", None)
     found = answers.replay(one)
     assert (found.name, found.ok, [p.name for p in found.parts]) == (
@@ -751,3 +753,46 @@ def test_of_a_check_nothing_but_its_state_is_told() -> None:
     assert answers.Query().shown(of_answer("check", SimpleNamespace(grasp=None)), None) == answers.UNPROVED_STATE | {
         "margin": None
     }
+
+
+@pytest.mark.parametrize("proved", [None, Proved(False, True, "", 1e-12, 0.5, 2.5)])
+def test_what_every_answer_says_is_compared(proved: Proved | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(answers, "compare", lambda *args: asked.append(args))
+    own = {"schema": "handfast/answer/1", "query": "max", "verdict": "holds"}
+    one = replace(of_answer("max", None, schema=own["schema"], lower=2.0), certificate=C)  # type: ignore[arg-type]
+    query = SimpleNamespace(shown=lambda saved, found: {"lower": 3.0} if saved.said and found is proved else None)
+    state = {"exact": None if proved is None else False, "motion": None if proved is None else 2.5}
+    for saved, certified, cap in ((one, True, 7.0), (replace(one, certificate=None), False, None)):
+        answers._compare(saved, query, proved, cap)  # type: ignore[arg-type]
+        shown = own | state | {"certified": certified, "motion_cap": cap, "lower": 3.0}
+        assert asked.pop() == (saved.said, shown, answers.COURSE_KEYS)
+
+
+def test_of_a_check_its_state_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    proved, w = Proved(True, False, "", 0.0), SimpleNamespace(state="the state")
+    monkeypatch.setattr(answers, "described", lambda *args: {"told": args})
+    one = replace(of_answer("check", SimpleNamespace(grasp="its grasp")), witness=w)  # type: ignore[arg-type]
+    assert answers.Query().shown(one, proved) == {"told": ("its grasp", "the state", proved), "margin": None}
+    assert answers.Query().shown(one, None) == answers.UNPROVED_STATE | {"margin": None}
+    assert answers.Query().shown(replace(one, witness=None), proved) == answers.UNPROVED_STATE | {"margin": None}
+
+
+def test_a_witness_is_read_with_its_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    g = SimpleNamespace(actuators=("a", "b"), commands=lambda by_name, field: (by_name, field))
+    monkeypatch.setattr(answers, "read_state", lambda f, of: (f.take("state"), of is g))
+    data = {"wrench": [0, 1, 2, 3, 4, 5], "command": {"b": 1.0, "a": 2.0}, "state": 7}
+    found = answers._read_witness(Fields(data, "w"), SimpleNamespace(grasp=g))  # type: ignore[arg-type]
+    assert (found.wrench.tolist(), found.state) == ([0, 1, 2, 3, 4, 5], (7, True))
+    assert found.command == ({"b": 1.0, "a": 2.0}, "w.command")
+    with pytest.raises(BadFile, match=r"^w\.more: is not a known field"):
+        answers._read_witness(Fields(data | {"more": 1}, "w"), SimpleNamespace(grasp=g))  # type: ignore[arg-type]
+
+
+def test_how_far_magnitudes_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(answers, "farthest", lambda q: q)
+    monkeypatch.setattr(answers, "_with_direction", lambda q: ("as a direction", q))
+    for goal in (LARGEST_GOAL, CHECK):
+        one = of_maximum(goal)
+        wanted = one.question if goal == LARGEST_GOAL else ("as a direction", one.question)
+        assert answers.Maximum()._end(one) == wanted
