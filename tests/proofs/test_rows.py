@@ -135,12 +135,13 @@ def alone(q, kind, index=0, a=0, b=0, references=((),), scalar=None):
 QUARTER = TURN_DIRECTIONS // 4
 
 
-def test_coefficients_of_a_contact_by_hand():
+@pytest.mark.parametrize("contact_index", [0, 1])
+def test_coefficients_of_a_contact_by_hand(contact_index: int) -> None:
     """mu 0.5, eta 30 degrees; U_0 = (1, 0), U_quarter = (0, 1), 1 + U.U = 1; columns c at 6, d at n = 12."""
     q = pinch([0, 0, -1, 0, 0, 0], eta=np.pi / 6)
     at = Columns.of(q)
     assert (at.c.start, at.n) == (6, 12)
-    c, d, sin, cos = 6, 12, 0.5, np.sqrt(0.75)
+    c, d, sin, cos = 6 + 3 * contact_index, 12 + 3 * contact_index, 0.5, np.sqrt(0.75)
     expected = {
         Row.CN_UP: {c: 1},
         Row.CN_DOWN: {c: -1},
@@ -158,17 +159,17 @@ def test_coefficients_of_a_contact_by_hand():
         Row.STILL_2_UP: {d + 2: 1},
         Row.STILL_2_DOWN: {d + 2: -1},
     }
-    for kind, entries in expected.items():
-        value, right = alone(q, kind, 0, 0, QUARTER)
+    about = [(kind, 0, QUARTER, entries) for kind, entries in expected.items()]
+    about += [(Row.GAP_DOWN, QUARTER, 0, {c: -1, d: -cos, d + 2: sin}), (Row.C_LEFT, QUARTER, 0, {c + 1: -1})]
+    for kind, left, right_end, entries in about:
+        value, right = alone(q, kind, contact_index, left, right_end)
         wanted = np.zeros(len(value))
         wanted[list(entries)] = list(entries.values())
         assert value == pytest.approx(wanted, abs=2e-12), kind.name
         assert right == 0
-    gives_way = alone(q, Row.TANGENT, 0, 0, QUARTER)[0][c], alone(q, Row.CHORD, 0, 0, QUARTER)[0][c]
+    tangent, chord = (alone(q, kind, contact_index, 0, QUARTER)[0] for kind in (Row.TANGENT, Row.CHORD))
+    gives_way = tangent[c], chord[c]
     assert gives_way == (0.5 * (1 + CONE_WIDENING), -0.5 * (0.5 - CONE_WIDENING))
-    second = alone(q, Row.CN_UP, 1)[0]
-    assert second[c + 3] == 1
-    assert np.abs(second).sum() == 1
 
 
 def test_sectors_of_half_a_turn_have_sides_but_no_chord():
@@ -381,6 +382,12 @@ def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said()
     none = np.zeros((1, 2 + locked.actuators, 3), dtype=np.int64)
     assert fine(locked, (0.0, np.inf), 0.0)  # friction takes, however large it is
     none = np.zeros((1, 3, 3), dtype=np.int64)
+    two = [*joints, joints[0] | {"name": "b"}]  # of which one is commanded
+    half = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=two, preload={"a": 1.0}, **direction)
+    none = np.zeros((1, 4, 3), dtype=np.int64)
+    assert fine(half, (0.0, 1.0), 1.0)
+    assert not fine(half, (0.0, 1.0), 0.999)
+    none = np.zeros((1, 3, 3), dtype=np.int64)
     sprung = pinch(
         [0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"torque": 0.1}], preload={"a": 1.0}, **direction
     )
@@ -567,3 +574,52 @@ def test_coefficients_of_a_soft_finger_by_hand() -> None:
     b, one = np.array([row[2] for row in expected], dtype=np.int64), np.ones(len(expected), dtype=np.int64)
     every = row_values(q, None, LeafRows(kinds, one, a, b, one, np.zeros((0, 3))))[0]
     np.testing.assert_array_equal(every, [alone(q, k, 1, i, j)[0] for k, i, j, *_ in expected])  # each its own
+
+
+@pytest.mark.parametrize("turned", [0, TURN_DIRECTIONS])
+def test_rows_of_a_contact_hold_where_they_may(turned: int) -> None:
+    """a = 0, b = 100. Of sectors within these, that begin before them, and that end behind them."""
+    kinds = np.arange(int(Row.STILL_2_DOWN) + 1)
+    expected = {  # C_N up and down, gap up and down, d_n; tangent and chord; sides of c_t and d_t; what is still
+        (UNDECIDED, 0, 0): "a---- a- ---- ----",
+        (OPEN, 0, 0): "aa--- a- ---- ----",
+        (OPEN, 10, 20): "aaa-a a- --aa ----",
+        (CLOSED, 0, 0): "a--a- a- ---- ----",
+        (CLOSED, 10, 20): "a-aa- a- aaaa ----",
+        (STICK, 0, 0): "a-aa- a- --aa aaaa",
+        (STICK, 10, 20): "a-aa- a- aaaa aaaa",
+        (SLIDE, 10, 20): "a-aa- aa aaaa ----",
+        (SLIDE, 0, 100): "a-aa- aa aaaa ----",
+        (SLIDE, -1, 100): "a--a- a- -a-a ----",
+        (SLIDE, 0, 101): "a--a- a- a-a- ----",
+    }
+    for eta, certain in ((0.1, False), (0.0, True)):
+        q = pinch([0, 0, -1, 0, 0, 0], eta=eta)
+        for (state, left, right), word in expected.items():
+            cases = np.array([[[UNDECIDED, 0, 0], [state, left + turned, right + turned]]])
+            zero = 0 * kinds
+            rows = LeafRows(kinds, zero + 1, zero, zero + 100, zero, np.zeros((0, 3)))
+            wanted = list(word.replace(" ", ""))
+            if certain:  # g is not needed
+                wanted[Row.GAP_UP] = "a"
+                wanted[Row.DN_UP] = "a" if state == OPEN else "-"
+            assert letters(legal(q, None, rows, cases)) == "".join(wanted), (state, left, eta)
+
+
+def test_bounds_hold_where_there_are_some() -> None:
+    q = driven_question(TORQUES, driven=["a"], objective="sum", torque_limits={"b": 3.0}, force_limit=7.0)
+    cases, scalar = np.zeros((1, q.grasp.m + q.actuators, 3), dtype=np.int64), (0.5, 2.0)
+    index = np.arange(Columns.of(q).n)
+    for kind, bound in zip((Row.BOUND_UP, Row.BOUND_DOWN), bounds(q, scalar), strict=True):
+        rows = LeafRows(0 * index + kind, index, 0 * index, 0 * index, 0 * index, np.zeros((0, 3)))
+        assert legal(q, scalar, rows, cases).tolist() == np.isfinite(bound).tolist()
+
+
+def test_given_torques_work_in_the_balance_of_energy() -> None:
+    """If there are any; the work of all of them is one motion."""
+    joints = [{"name": n, "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]} for n in "ab"]
+    for torque in (0.0, 0.5):
+        q = pinch([0, 0, -1, 0, 0, 0], joints=[joints[0], joints[1] | {"torque": torque}], preload={"a": 1.0})
+        at = Columns.of(q)
+        value, _ = alone(q, Row.ENERGY, references=[[0.0, 0.0, 0.0]])
+        assert value[at.n + 6 + q.actuators] == (torque != 0)
