@@ -161,6 +161,11 @@ def test_coefficients_of_a_contact_by_hand(contact_index: int) -> None:
     }
     about = [(kind, 0, QUARTER, entries) for kind, entries in expected.items()]
     about += [(Row.GAP_DOWN, QUARTER, 0, {c: -1, d: -cos, d + 2: sin}), (Row.C_LEFT, QUARTER, 0, {c + 1: -1})]
+    half = np.sqrt(0.5)  # of an eighth of a turn: 1 + U.U = 1 + half
+    about += [
+        (Row.GAP_UP, 0, QUARTER // 2, {c: 1, d: cos, d + 1: -sin, d + 2: -sin * (np.sqrt(2) - 1)}),
+        (Row.CHORD, 0, QUARTER // 2, {c: -(1 + half) / 4, c + 1: (1 + half) / 2, c + 2: half / 2}),
+    ]
     for kind, left, right_end, entries in about:
         value, right = alone(q, kind, contact_index, left, right_end)
         wanted = np.zeros(len(value))
@@ -168,6 +173,8 @@ def test_coefficients_of_a_contact_by_hand(contact_index: int) -> None:
         assert value == pytest.approx(wanted, abs=2e-12), kind.name
         assert right == 0
     tangent, chord = (alone(q, kind, contact_index, 0, QUARTER)[0] for kind in (Row.TANGENT, Row.CHORD))
+    open_up, down = (alone(q, kind, contact_index, 0, 0)[0][d + 1] for kind in (Row.GAP_UP, Row.GAP_DOWN))
+    assert (open_up, down) == (-np.sin(np.pi / 6) * (1 + CONE_WIDENING), np.sin(np.pi / 6) * (1 - CONE_WIDENING))
     gives_way = tangent[c], chord[c]
     assert gives_way == (0.5 * (1 + CONE_WIDENING), -0.5 * (0.5 - CONE_WIDENING))
 
@@ -511,9 +518,9 @@ def test_a_step_begins_with_gaps_and_slack() -> None:
     assert letters(zeros(step, cases)[0, at.q]) == "aaa-"  # t = -slack
 
 
-def beside_a_soft_finger() -> Question:
-    """Contact 0 is a point, contact 1 a soft finger; mu 0.5."""
-    places = [contact([0, 0, 1], [0, 0, -1]), contact([0, 0, -1], [0, 0, 1], torsion=0.01)]
+def beside_a_soft_finger(other: float = 0.0) -> Question:
+    """Contact 0 is a point or a soft finger, contact 1 a soft finger; mu 0.5."""
+    places = [contact([0, 0, 1], [0, 0, -1], torsion=other), contact([0, 0, -1], [0, 0, 1], torsion=0.01)]
     joints = [{"name": n, "axis": [1, 0, 0], "origin": [0, 1, 0], "moves": [0]} for n in "ab"]
     return question(places, [0, 0, 0, 0, 0, 1], joints=joints, preload={"a": 1.0})
 
@@ -543,12 +550,13 @@ def test_rows_of_soft_fingers_hold_where_they_may() -> None:
             assert letters(legal(q, None, rows, cases)) == wanted, (state, index)
 
 
-def test_coefficients_of_a_soft_finger_by_hand() -> None:
+@pytest.mark.parametrize("before", [0, 1])
+def test_coefficients_of_a_soft_finger_by_hand(before: int) -> None:
     """Patch 8 is the octant of x, y, z > 0: middle (1, 1, 1) / sqrt(3), its sides are across z, x and y."""
-    q = beside_a_soft_finger()
+    q = beside_a_soft_finger(0.01 * before)
     at, h = Columns.of(q), 1 / np.sqrt(3)
-    force = [at.c.start + 3, at.c.start + 4, at.c.start + 5, at.twist.start]
-    motion = [at.n + 4, at.n + 5, at.n + 6 + q.actuators + 1]
+    force = [at.c.start + 3, at.c.start + 4, at.c.start + 5, at.twist.start + before]
+    motion = [at.n + 4, at.n + 5, at.n + 6 + q.actuators + 1 + before]
     gives = CONE_WIDENING
     expected = [
         (Row.SOFT_TANGENT, 0, 0, [0.5 * (1 + gives), -1, 0, 0], [0, 0, 0]),
@@ -570,9 +578,9 @@ def test_coefficients_of_a_soft_finger_by_hand() -> None:
         wanted[force], wanted[motion] = of_force, of_motion
         np.testing.assert_allclose(value, wanted, rtol=1e-14, atol=1e-15, err_msg=kind.name)
         assert right == 0
-    kinds, a = (np.array([row[k] for row in expected], dtype=np.int64) for k in (0, 1))
-    b, one = np.array([row[2] for row in expected], dtype=np.int64), np.ones(len(expected), dtype=np.int64)
-    every = row_values(q, None, LeafRows(kinds, one, a, b, one, np.zeros((0, 3))))[0]
+    kinds, left, side = (np.array([row[k] for row in expected], dtype=np.int64) for k in range(3))
+    one = np.ones(len(expected), dtype=np.int64)
+    every = row_values(q, None, LeafRows(kinds, one, left, side, one, np.zeros((0, 3))))[0]
     np.testing.assert_array_equal(every, [alone(q, k, 1, i, j)[0] for k, i, j, *_ in expected])  # each its own
 
 
@@ -623,3 +631,16 @@ def test_given_torques_work_in_the_balance_of_energy() -> None:
         at = Columns.of(q)
         value, _ = alone(q, Row.ENERGY, references=[[0.0, 0.0, 0.0]])
         assert value[at.n + 6 + q.actuators] == (torque != 0)
+
+
+def test_rows_together_say_what_each_says_alone() -> None:
+    q = driven_question(CHECK, eta=0.1, torque_limits={"b": 3.0})
+    kinds = [k for k in Row if k <= Row.ENERGY and k != Row.S_UP]
+    rng = np.random.default_rng(2)
+    kind, index = rng.permutation(2 * kinds), rng.integers(0, 2, 2 * len(kinds))
+    a, b = rng.integers(0, QUARTER, (2, len(kind)))
+    references = np.ones((2, 3)) * [[1.0], [2.0]]
+    value, right = row_values(q, None, LeafRows(kind, index, a, b, 0 * kind, references))
+    for k, about in enumerate(zip(kind, index, a, b, strict=True)):
+        one, its = alone(q, *about, references=references)
+        assert (value[k].tolist(), right[k]) == (one.tolist(), its)
