@@ -330,6 +330,7 @@ def test_units_of_rows_by_hand(small: GraspData) -> None:
     # along t1 of contact 0: y, 1/2 about z, and the slide; pull: 2 of turn and 1 of slide; push: 1/2 of roll
     wanted = {1: np.sqrt(1 + 0.25 / 0.09375 + 0.5), 7: np.hypot(pull, slide), 8: push, 11: 4, 14: 1}
     np.testing.assert_allclose(small.row_units[[*wanted]], [*wanted.values()])
+    assert small.contact_rows.tolist() == [[0, 1, 2, 6], [3, 4, 5, 14]]  # the last is none
 
 
 @pytest.mark.parametrize(("most", "data", "problem"), [
