@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import HALF_TURN, MAX_PATCH, STATES, BadCertificate, contains, leaf_cases
+from handfast.proofs.cases import HALF_TURN, MAX_PATCH, STATES, BadCertificate, contains, leaf_cases, patch
 from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
@@ -255,6 +255,24 @@ def test_patches_end_where_their_numbers_do(upper):
     nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
     with pytest.raises(BadCertificate, match="needs the two halves"):
         cases(soft(), *nodes)
+
+
+@pytest.mark.parametrize("number", [8, 15, 16, 17, 31, 37, 200, MAX_PATCH])
+def test_patches_lie_between_unit_planes(number: int) -> None:
+    """Each corner is on two of them and inside the third; the middle is as far from all corners."""
+    found = patch(number)
+    for vectors in (found.planes, found.corners, found.middle[None]):
+        np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1, rtol=1e-14)
+    np.testing.assert_allclose(found.corners @ found.middle, found.reach, rtol=1e-7)
+    assert (np.abs(found.planes @ found.corners.T) < 1e-14).sum() >= 6
+    assert (found.planes @ found.corners.T > -1e-14).all()
+    assert 0 < found.reach <= (found.corners @ found.middle).min()
+
+
+@pytest.mark.parametrize("number", [0, 7, MAX_PATCH + 1])
+def test_numbers_that_are_no_patch(number: int) -> None:
+    with pytest.raises(ValueError, match=f"^{number} is no patch$"):
+        patch(number)
 
 
 def test_which_patch_is_part_of_which():
