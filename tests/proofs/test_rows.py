@@ -164,6 +164,9 @@ def test_coefficients_of_a_contact_by_hand(contact_index: int) -> None:
     half = np.sqrt(0.5)  # of an eighth of a turn: 1 + U.U = 1 + half
     about += [
         (Row.GAP_UP, 0, QUARTER // 2, {c: 1, d: cos, d + 1: -sin, d + 2: -sin * (np.sqrt(2) - 1)}),
+        (Row.C_RIGHT, 0, 0, {c + 2: -1}),
+        (Row.D_LEFT, QUARTER, 0, {d + 1: 1}),
+        (Row.D_RIGHT, 0, 0, {d + 2: 1}),
         (Row.CHORD, 0, QUARTER // 2, {c: -(1 + half) / 4, c + 1: (1 + half) / 2, c + 2: half / 2}),
     ]
     for kind, left, right_end, entries in about:
@@ -627,10 +630,11 @@ def test_given_torques_work_in_the_balance_of_energy() -> None:
     """If there are any; the work of all of them is one motion."""
     joints = [{"name": n, "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]} for n in "ab"]
     for torque in (0.0, 0.5):
-        q = pinch([0, 0, -1, 0, 0, 0], joints=[joints[0], joints[1] | {"torque": torque}], preload={"a": 1.0})
+        q = pinch([0, 0, -4, 0, 0, 0], joints=[joints[0], joints[1] | {"torque": torque}], preload={"a": 1.0})
         at = Columns.of(q)
         value, _ = alone(q, Row.ENERGY, references=[[0.0, 0.0, 0.0]])
         assert value[at.n + 6 + q.actuators] == (torque != 0)
+        assert value[at.c.start] == pytest.approx(4 * EPS * 1.5, rel=1e-5)  # of 4 N, motion and friction may be missed
 
 
 def test_rows_together_say_what_each_says_alone() -> None:
