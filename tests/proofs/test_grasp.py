@@ -386,6 +386,7 @@ def test_arms_of_joints_that_move_no_contact() -> None:
     assert single([3, 0, 0], through | {"moves": []}, {"origin": [0, 4, 0]}).joint_arms.tolist() == [5.0, 5.0]
     soft = single([3, 0, 0], through, torsion=0.125)  # a soft finger with the lever 1/4 is turned
     assert soft.joint_arms.tolist() == [0.25]
+    assert single([3, 0, 0], through, through | {"moves": []}, torsion=0.125).joint_arms.tolist() == [0.25, 3.0]
     away = {"origin": [3, 2, 0], "axis": [0, 0, 1], "type": "prismatic", "moves": []}
     assert single([3, 0, 0], away).joint_arms.tolist() == [1.0]
 
@@ -698,6 +699,7 @@ def test_a_step_says_where_it_starts(small: GraspData) -> None:
     start: dict[str, Any] = {"gaps": [-0.5, 0.25], "stops": [0.0, 0, 2], "slack": [3.0, 4, 5]}
     step = read_start(Fields({"from": start}, "s"), small)
     assert step.gaps.tolist() == [-0.5, 0.25]
+    assert step.same_but_commands(small)
     assert step.stops_left.tolist() == [0, 0, -2]
     assert step.slack.tolist() == [0, 0, 0]
     assert step.with_command(np.zeros(3)).slack.tolist() == [3, 0, 0]

@@ -648,6 +648,7 @@ def test_an_answer_is_refused_for_its_parts_first_then_for_what_it_says(monkeypa
     monkeypatch.setattr(answers, "_witness", lambda saved, asked: ("proved", good) if saved and asked is query else 0)
     one = of_answer("max", None)
     found = answers.replay(one)
+    assert (found.claim, found.refused) == ("", "")
     assert (found.name, found.ok, [p.name for p in found.parts]) == (
         "max",
         True,
