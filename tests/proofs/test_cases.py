@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.proofs.cases import HALF_TURN, MAX_PATCH, BadCertificate, contains, leaf_cases
+from handfast.proofs.cases import HALF_TURN, MAX_PATCH, STATES, BadCertificate, contains, leaf_cases, patch
 from handfast.proofs.kinds import (
     ABOVE,
     BELOW,
@@ -89,6 +89,16 @@ def test_root_alone_is_a_leaf():
     assert cases(walls()).tolist() == [[[0, 0, 0]] * 4]
 
 
+@pytest.mark.parametrize("there", [0, 3, -1, 99])
+def test_the_root_changes_nothing(there: int) -> None:
+    """What stands there in place of a part and its case counts for nothing."""
+    parent, part, *change = np.array([(-1, there, CLOSED, 1, 2), *SPLIT]).T
+    found = leaf_cases(walls(), parent, part, np.column_stack(change))
+    assert found[:, 0].tolist() == [[OPEN, 0, 0], [CLOSED, 0, 0]]
+    assert not found[:, 1:].any()
+    assert not leaf_cases(walls(), parent[:1], part[:1], np.column_stack(change)[:1]).any()
+
+
 def test_cases_are_those_of_parents_with_one_part_changed():
     found = cases(walls(), *closed((STICK, 0, 0), *SECTORS), (1, 2, LOCKED, 0, 0), (1, 2, MOVES, 0, 0))
     assert found[:, 0].tolist() == [[STICK, 0, 0], *map(list, SECTORS), [OPEN, 0, 0], [OPEN, 0, 0]]
@@ -123,6 +133,9 @@ def test_sectors_of_an_open_contact_where_normals_are_uncertain():
     assert cases(walls(eta=0.1), *nodes).shape == (4, 4, 3)
     with pytest.raises(BadCertificate, match="node 1, split of contact 0: it is decided already"):
         cases(walls(), *nodes)
+    halves = [(CLOSED, 0, HALF_TURN), (CLOSED, HALF_TURN, TURN_DIRECTIONS)]
+    with pytest.raises(BadCertificate, match="node 1, split of contact 0: a child is no sector, or not of the right"):
+        cases(walls(eta=0.1), *SPLIT, *((1, 0, *half) for half in halves))  # an open contact is not closed
 
 
 def test_octants_and_halves_of_patches():
@@ -134,6 +147,13 @@ def test_octants_and_halves_of_patches():
 BAD = {
     "parent of the root": ([(0, 0, 0, 0, 0)], "node 0 has parent 0"),
     "parent after the node": ([ROOT, (2, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)], "node 1 has parent 2"),
+    "parent of itself": ([ROOT, (1, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)], "node 1 has parent 1"),
+    "states that are none": ([ROOT, (0, 0, OPEN, 0, 0), (0, 0, -1, 0, 0)], "needs OPEN and CLOSED"),
+    "states that would be another node's": (
+        [ROOT, *SPLIT, *((1, 1, *to) for to in ((OPEN, 0, 0), (CLOSED + STATES + 1, 0, 0))),
+         *((2, 1, *to) for to in ((OPEN, 0, 0), (CLOSED - STATES - 1, 0, 0)))],
+        "node 1, split of contact 1: needs OPEN and CLOSED",
+    ),
     "second root": ([ROOT, ROOT], "node 1 has parent -1"),
     "no such part": ([ROOT, (0, 4, LOCKED, 0, 0), (0, 4, MOVES, 0, 0)], "node 1 changes part 4; there are 4"),
     "negative part": ([ROOT, (0, -1, LOCKED, 0, 0)], "changes part -1"),
@@ -174,6 +194,10 @@ BAD = {
     "not all of the sector": (
         [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 7, THIRD - 1)],
         "are not those of the node",
+    ),
+    "a gap in a sector that is halved": (
+        [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 8, THIRD)],
+        "node 4, split of contact 0: the sectors leave a gap, or overlap",
     ),
     "beyond the sector": (
         [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, -1, 7), (4, 0, SLIDE, 7, THIRD)],
@@ -231,6 +255,24 @@ def test_patches_end_where_their_numbers_do(upper):
     nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
     with pytest.raises(BadCertificate, match="needs the two halves"):
         cases(soft(), *nodes)
+
+
+@pytest.mark.parametrize("number", [8, 15, 16, 17, 31, 37, 200, MAX_PATCH])
+def test_patches_lie_between_unit_planes(number: int) -> None:
+    """Each corner is on two of them and inside the third; the middle is as far from all corners."""
+    found = patch(number)
+    for vectors in (found.planes, found.corners, found.middle[None]):
+        np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1, rtol=1e-14)
+    np.testing.assert_allclose(found.corners @ found.middle, found.reach, rtol=1e-7)
+    assert (np.abs(found.planes @ found.corners.T) < 1e-14).sum() >= 6
+    assert (found.planes @ found.corners.T > -1e-14).all()
+    assert 0 < found.reach <= (found.corners @ found.middle).min()
+
+
+@pytest.mark.parametrize("number", [0, 7, MAX_PATCH + 1])
+def test_numbers_that_are_no_patch(number: int) -> None:
+    with pytest.raises(ValueError, match=f"^{number} is no patch$"):
+        patch(number)
 
 
 def test_which_patch_is_part_of_which():

@@ -78,20 +78,23 @@ def test_files_hold_question_and_proof():
 
 def test_ranges():
     q = preload()
-    for scalar in ((0.0, 1.5), (0.25, np.inf)):
+    for scalar in ((0.0, 1.5), (0.25, np.inf), (0.5, 0.5)):
         back = read_certificate(proof_to_dict(Certificate.of_root(q, scalar)), "", q)
         assert back.scalar == scalar
+        assert back.claim == q.claim(scalar) != q.claim(None)
     for scalar, why in (
-        ([-1.0, 2.0], "is -1 to 2, not a range"),
-        ([2.0, 1.0], "is 2 to 1, not a range"),
-        (None, "is the range of the goal's scalar"),
-        ([1.0], "is no range; two numbers"),
-        (1.0, "is no range; two numbers"),
+        ([-1.0, 2.0], "c.scalar: is -1 to 2, not a range"),
+        ([2.0, 1.0], "c.scalar: is 2 to 1, not a range"),
+        (None, "c.scalar: is the range of the goal's scalar"),
+        ([1.0], "c.scalar: is no range; two numbers"),
+        (1.0, "c.scalar: is no range; two numbers"),
         ([None, 1.0], "scalar: has None where a number is needed"),
         ([0.0, "1"], "scalar: has '1' where a number"),
     ):
         with pytest.raises(BadFile, match=why):
             read_certificate(proof_to_dict(Certificate.of_root(q, (0.0, 1.0))) | {"scalar": scalar}, "c", q)
+    given: list[int] = [0, 2]
+    assert repr(Certificate.of_root(q, given).scalar) == "(0.0, 2.0)"  # type: ignore[arg-type]
     with pytest.raises(BadFile, match="null for a check"):
         Certificate.of_root(walls(), (0.0, 1.0))
 
@@ -116,7 +119,8 @@ BAD = {
     "a bomb": (lambda: compressed(lambda raw: bytes(10**7)), "c.proof: is not of the 256 bytes"),
     "another count": (lambda: proof_to_dict(proof()) | {"rows": 7}, "c.proof: is not of the 280 bytes"),
     "a huge count": (lambda: proof_to_dict(proof()) | {"rows": 10**12}, "c.rows: has 5 nodes and 1000000000000 rows"),
-    "a huge table": (lambda: proof_to_dict(proof()) | {"references": 10**12}, "at most 268435456 are possible"),
+    "a huge table": (lambda: proof_to_dict(proof()) | {"references": 10**12}, r"c.proof: is of .*; at most 2"),
+    "a huge tree": (lambda: proof_to_dict(proof()) | {"nodes": 2 * 10**7}, "c.rows: has 20000000 nodes and 6"),
     "a negative count": (lambda: proof_to_dict(proof()) | {"nodes": -1}, "c.nodes: is -1; a whole number of 0 or more"),
     "half a count": (lambda: proof_to_dict(proof()) | {"leaves": 2.5}, "c.leaves: is 2.5; a whole number"),
     "no text": (lambda: proof_to_dict(proof()) | {"proof": 5}, "c.proof: is 5; a text"),
@@ -130,6 +134,29 @@ def test_bad_files(name):
     make, why = BAD[name]
     with pytest.raises(BadFile, match=why):
         read_certificate(make(), "c", walls())
+
+
+def test_how_large_a_proof_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 2 contacts, a joint and an actuator: 13 numbers of each of 6 rows, 9 of each of 5 nodes; 256 bytes."""
+    q = pinch([0] * 6, joints=[{"name": "a", "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]}])
+    data = proof_to_dict(proof(q=q))
+    for name, most, why in (
+        ("MAX_CERTIFICATE_NUMBERS", 6 * 13 + 5 * 9, "c.rows: has 5 nodes and 6 rows about 2 contacts, 1.2e"),
+        ("MAX_PROOF_BYTES", 256, "c.proof: is of 256 bytes"),
+    ):
+        monkeypatch.setattr(certificate, name, most)
+        assert len(read_certificate(data, "c", q).kind) == 6
+        monkeypatch.setattr(certificate, name, most - 1)
+        with pytest.raises(BadFile, match=why):
+            read_certificate(data, "c", q)
+        monkeypatch.undo()
+
+
+def test_a_proof_of_a_check_needs_no_scalar() -> None:
+    data = proof_to_dict(Certificate.of_root(walls(), None))
+    assert data.pop("scalar") is None
+    assert data["bits"] == 32
+    assert read_certificate(data, "", walls()).scalar is None
 
 
 def test_no_more_is_unpacked_than_the_counts_say(monkeypatch):
@@ -161,6 +188,7 @@ SHAPES = {
     "beyond": ({"b": [2**31] * 6}, r"b: has a number beyond 2\^31"),
     "far below": ({"left": [-(2**31) - 1] * 5}, r"left: has a number beyond 2\^31"),
     "no start": ({"start": []}, "start: must rise from 0 to the number of rows, 6"),
+    "a table of starts": ({"start": [[0, 1, 2, 6]]}, r"start: has shape \(1, 4\); a row of numbers are needed"),
     "late start": ({"start": [1, 2, 3, 6]}, "start: must rise from 0"),
     "early end": ({"start": [0, 1, 2, 5]}, "start: must rise from 0"),
     "falls": ({"start": [0, 2, 1, 6]}, "start: must rise from 0"),
@@ -181,6 +209,13 @@ def test_multipliers_are_divided_by_the_largest_of_their_leaf():
     assert many.multiplier.tolist() == [1e60, 3e-60, 4.0, 2.0, 1.0, 0.0]
     assert many.rounded().multiplier.tolist() == [1, 1, 1, 0.5, 0.25, 0]
     given = np.array([0.5, 2, 4, 2, 1, 0], dtype=np.float32)
+    none = Certificate(walls(), None, **(arrays() | {"multiplier": [0.0] * 6})).rounded()
+    assert none.multiplier.tolist() == [0.0] * 6
+    assert Certificate(walls(), None, **(arrays() | {"multiplier": [1] * 6})).multiplier.dtype == np.float64
+    whole = proof(references=[[1, 2, 3]])
+    assert whole.references.dtype == np.float64
+    empty: dict[str, list[int]] = {name: [] for name in (*ROW_ARRAYS, "multiplier")}
+    assert proof(**empty, start=[0]).rounded().multiplier.tolist() == []  # without leaves
     assert Certificate(walls(), None, **(arrays() | {"multiplier": given})).multiplier.tolist() == given.tolist()
     assert many.leaves.tolist() == [1, 3, 4]
     assert many.claim == "the disturbance is not resisted"

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import checked_rows, verify
+from handfast.proofs.fields import Array
 from handfast.proofs.kinds import CLOSED, OPEN, Row
+from handfast.proofs.leaves import Late
 from handfast.proofs.question import LARGEST_GOAL
 from handfast.proofs.rows import Columns
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL
 from tests.support.proof_certificates import LEAVES, NODES, proof, walls
 from tests.support.proof_states import contact, pinch, question
 
@@ -161,6 +166,61 @@ def test_no_time():
     assert not found.ok
     assert found.reason == "there was no time to check it all"
     assert (found.leaves, found.margin) == (3, -np.inf)
+
+
+@pytest.mark.parametrize(
+    ("quick", "margins", "looked_at", "unproved"),
+    [
+        (False, [[0.0, 0.5], [0.5]], 2, (0,)),  # a margin of 0 proves nothing
+        (False, [[0.5, 0.5], [0.5]], 2, ()),
+        (True, [[0.5, 0.5], [0.5]], 2, ()),
+        (True, [[0.0, 0.5], [0.5]], 1, (0, 2)),  # what was not looked at is not proved
+        (True, [[0.5, np.nan], [0.5]], 1, (1, 2)),
+    ],
+)
+def test_leaves_are_looked_at_in_batches(
+    monkeypatch: pytest.MonkeyPatch,
+    quick: bool,
+    margins: list[list[float]],
+    looked_at: int,
+    unproved: tuple[int, ...],
+) -> None:
+    """All of them, or if it is to be quick up to the first batch with a leaf that is not proved."""
+    asked: list[bool] = []
+
+    def proved(quick: bool) -> tuple[Array, Array]:
+        asked.append(quick)
+        found = np.array(margins[len(asked) - 1])
+        return found, np.full(len(found), np.inf)
+
+    monkeypatch.setattr(checker, "LEAF_BATCH", 2)
+    monkeypatch.setattr(checker, "LeafSystems", lambda *_: SimpleNamespace(proved=proved))
+    found = verify(proof(), quick=quick)
+    assert asked == [quick] * looked_at
+    assert (found.ok, found.unproved, found.capped) == (not unproved, unproved, ())
+
+
+@pytest.mark.parametrize("late", range(4))
+def test_it_ends_before_the_tree_the_equations_and_each_batch(monkeypatch: pytest.MonkeyPatch, late: int) -> None:
+    times: list[float] = []
+
+    def in_time(until: float) -> None:
+        times.append(until)
+        if len(times) > late:
+            raise Late
+
+    monkeypatch.setattr(checker, "in_time", in_time)
+    monkeypatch.setattr(checker, "LEAF_BATCH", 2)
+    assert verify(proof(), np.inf).reason == "there was no time to check it all"
+    assert times == [np.inf] * (late + 1)
+
+
+@pytest.mark.parametrize(("force", "judged"), [(MIN_FORCE_SCALE, True), (MIN_FORCE_SCALE / 2, False), (0.0, True)])
+def test_loads_whose_rounding_is_not_bounded_are_not_judged(force: float, judged: bool) -> None:
+    """No load at all has the scale 1."""
+    found = verify(Certificate.of_root(pinch([force, 0, 0, 0, 0, 0]), None))
+    assert not found.ok
+    assert (found.reason != TOO_SMALL) == judged
 
 
 def test_sticking_contacts_leave_motions_free():

@@ -12,7 +12,11 @@ import numpy as np
 import pytest
 
 from handfast.proofs import files
+from handfast.proofs.certificate import Certificate, file_to_dict
 from handfast.proofs.replay import Replay
+from handfast.proofs.tolerance import COMPLETE_CAP
+from tests.support.proof_certificates import LEAVES, MU, proof, walls
+from tests.support.proof_states import contact
 from tests.support.refused import refused
 
 
@@ -188,6 +192,36 @@ def test_a_settled_grasp_keeps_no_proof() -> None:
         files.verify({"schema": "handfast/settled/1", "rest": "settles"})
 
 
+def of_walls(c: Certificate, tilt: float = 0.0) -> dict[str, Any]:
+    """The file of a certificate about `walls`."""
+    normals = [1, 0, 0], [-np.cos(tilt), -np.sin(tilt), 0]
+    contacts = [contact([x, 0, 0], normal, MU) for x, normal in zip((-1, 1), normals, strict=True)]
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts}
+    return file_to_dict(c, {"grasp": grasp, "goal": "check", "wrench": [0, 1, 0, 0, 0, 0]})
+
+
+@pytest.mark.parametrize(("rows", "ok"), [(4, True), (3, False)])
+def test_a_file_of_a_certificate_is_as_good_as_its_proof(rows: int, ok: bool) -> None:
+    """Walls that hold no weight: of the leaf in which both are closed all rows are needed."""
+    c = proof(leaves=[*LEAVES[:2], LEAVES[2][:rows]])
+    done = files.verify(of_walls(c))
+    (part,) = done.parts
+    assert (done.name, part.name, part.claim) == ("certificate", "certificate", c.claim)
+    assert (done.ok, part.ok, part.figures["leaves"]) == (ok, ok, 3)
+    assert ("leaf 2 (node 4) is not proved" in done.reason) != ok
+
+
+def test_a_certificate_alone_may_be_up_to_any_cap() -> None:
+    """Walls that are not quite parallel: it does not say that it is complete, and the cap is told."""
+    c = proof(walls(tilt=-1e-4))
+    done = files.verify(of_walls(c, tilt=-1e-4))
+    assert done.ok
+    cap = done.parts[0].figures["motion_cap"]
+    assert isinstance(cap, float)
+    assert cap < COMPLETE_CAP
+    assert done.parts[0].claim == f"{c.claim}, up to virtual motions of {cap:.6g} N"
+
+
 # --- folders: which files are read, and what is made of them; what a file claims is said by a reader of this test
 
 
@@ -289,6 +323,11 @@ def test_files_of_a_plan_that_are_none(name: str, text: str | None, problem: str
 def test_a_folder_without_a_plan(tmp_path: Path) -> None:
     with refused("no such file; one that --save wrote is needed", "plan.json"):
         files.verify_path(tmp_path)
+
+
+def test_a_name_that_no_file_has() -> None:
+    with refused("cannot be read: File name too long"):
+        files.verify_path("a" * 5000)
 
 
 def test_what_is_no_file(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from flint import fmpq
 
 from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.proofs.fields import BadFile
+from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.grasp import (
     LENGTH_ROUNDING,
     MAX_GRASP_SIZE,
@@ -22,6 +22,7 @@ from handfast.proofs.grasp import (
     GraspData,
     StartData,
     read_grasp,
+    read_start,
 )
 from handfast.readers.grasp_file import load_grasp, to_dict
 from tests.support.law_grasps import random_law_grasp
@@ -322,6 +323,31 @@ def test_sizes_by_hand(small: GraspData) -> None:
     np.testing.assert_allclose(small.actuator_arms, [0.125, np.sqrt(0.5), np.sqrt(0.125) / 4], rtol=1e-15)
 
 
+def test_units_of_rows_by_hand(small: GraspData) -> None:
+    """How much each moves where r, turns over the size, and joints over their arms are 1."""
+    size, pull, push, slide = np.sqrt(0.09375), 2 / 0.25, 0.5 / np.sqrt(0.125), np.sqrt(0.5)
+    np.testing.assert_allclose(small.column_units, [1, 1, 1, *[1 / size] * 3, 4, slide, np.sqrt(8)])
+    # along t1 of contact 0: y, 1/2 about z, and the slide; pull: 2 of turn and 1 of slide; push: 1/2 of roll
+    wanted = {1: np.sqrt(1 + 0.25 / 0.09375 + 0.5), 7: np.hypot(pull, slide), 8: push, 11: 4, 14: 1}
+    np.testing.assert_allclose(small.row_units[[*wanted]], [*wanted.values()])
+    assert small.contact_rows.tolist() == [[0, 1, 2, 6], [3, 4, 5, 14]]  # the last is none
+
+
+@pytest.mark.parametrize(("most", "data", "problem"), [
+    (3, small_grasp(), ""),
+    (2, small_grasp(), "has 2 contacts and 3 joints; 1 to 2 are possible"),
+    (2, small_grasp() | {"joints": [], "mechanism": None, "preload": {}}, ""),
+    (1, small_grasp() | {"joints": [], "mechanism": None, "preload": {}}, "has 2 contacts and 0 joints; 1 to 1 are"),
+])  # fmt: skip
+def test_as_many_as_possible(most: int, data: dict[str, Any], problem: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.proofs.grasp.MAX_GRASP_SIZE", most)
+    if problem:
+        with pytest.raises(BadFile, match=problem):
+            read_grasp(data, "g")
+    else:
+        assert read_grasp(data, "g").m == 2
+
+
 def single(position: list[float], *joints: dict[str, Any], **contact: Any) -> GraspData:
     """One contact with the normal x, and joints that move it."""
     return read_grasp(
@@ -360,6 +386,7 @@ def test_arms_of_joints_that_move_no_contact() -> None:
     assert single([3, 0, 0], through | {"moves": []}, {"origin": [0, 4, 0]}).joint_arms.tolist() == [5.0, 5.0]
     soft = single([3, 0, 0], through, torsion=0.125)  # a soft finger with the lever 1/4 is turned
     assert soft.joint_arms.tolist() == [0.25]
+    assert single([3, 0, 0], through, through | {"moves": []}, torsion=0.125).joint_arms.tolist() == [0.25, 3.0]
     away = {"origin": [3, 2, 0], "axis": [0, 0, 1], "type": "prismatic", "moves": []}
     assert single([3, 0, 0], away).joint_arms.tolist() == [1.0]
 
@@ -414,7 +441,9 @@ def test_stops() -> None:
     data = small_grasp()
     for joint, stop in zip(data["joints"], ("lower", "both", "upper"), strict=True):
         joint["stop"] = stop
-    lower, upper = read_grasp(data, "g").stops
+    g = read_grasp(data, "g")
+    lower, upper = g.stops
+    assert g.stop_side.tolist() == [1, 0, -1]
     assert lower.tolist() == [True, True, False]
     assert upper.tolist() == [False, True, True]
     assert not np.any(read_grasp(altered("joints.2.stop", ""), "g").stops)
@@ -663,6 +692,30 @@ def test_of_several_names_twice_the_first_is_told() -> None:
 def test_what_is_no_grasp(data: Any) -> None:
     with refused("is no object", "g"):
         read_grasp(data, "g")
+
+
+def test_a_step_says_where_it_starts(small: GraspData) -> None:
+    """Of the actuators pull is a tendon; the roll has an upper stop. Slack counts where nobody commands."""
+    start: dict[str, Any] = {"gaps": [-0.5, 0.25], "stops": [0.0, 0, 2], "slack": [3.0, 4, 5]}
+    step = read_start(Fields({"from": start}, "s"), small)
+    assert step.gaps.tolist() == [-0.5, 0.25]
+    assert step.same_but_commands(small)
+    assert step.stops_left.tolist() == [0, 0, -2]
+    assert step.slack.tolist() == [0, 0, 0]
+    assert step.with_command(np.zeros(3)).slack.tolist() == [3, 0, 0]
+    assert small.slack.tolist() == [0, 0, 0]
+    assert small.with_start(None).start is None
+    for name, bad, problem in (
+        ("gaps", [0.0], "has 1 numbers; 2 are needed"),
+        ("stops", [0.0, 0.0, -1e-9], "has a negative number; 0 or more is needed"),
+        ("slack", [0.0, -1.0, 0.0], "has a negative number; 0 or more is needed"),
+        ("stops", [0.0, 0.0], "has 2 numbers; 3 are needed"),
+        ("slack", [0.0] * 4, "has 4 numbers; 3 are needed"),
+    ):
+        with refused(problem, f"s.from.{name}"):
+            read_start(Fields({"from": start | {name: bad}}, "s"), small)
+    with refused("is not a known field; leave it out", "s.from.more"):
+        read_start(Fields({"from": start | {"more": 1}}, "s"), small)
 
 
 def test_a_step_starts_from_its_own_numbers_whatever_was_worked_out_before() -> None:

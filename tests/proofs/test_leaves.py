@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +26,7 @@ from handfast.proofs.leaves import (
     CitedRows,
     Late,
     LeafSystems,
+    Square,
     _compact,
     _groups,
     _inverse,
@@ -55,6 +58,13 @@ def test_pivots_are_independent_rows_in_their_order_and_their_columns():
     assert columns[1].tolist() == [True, True, False]
 
 
+def test_rows_that_depend_on_others_leave_no_pivot_but_for_rounding() -> None:
+    """Half of a row; and 10^12 in a column that was eliminated with a pivot of 49: 49 times 1 / 49 is not quite 1."""
+    rows, columns = _pivots(np.array([[[2.0, 4.0], [1.0, 2.0]], [[49.0, 0.0], [1e12, 0.0]]]), 1e-6)
+    assert rows.tolist() == [[True, False]] * 2
+    assert columns.tolist() == [[False, True], [True, False]]
+
+
 @pytest.mark.parametrize("values", [np.array([5, 6, 7]), np.array([[5, 6, 7], [5, 6, 7], [5, 6, 7]])])
 def test_values_that_are_there_in_their_order(values):
     there = np.array([[True, False, True], [False, False, False], [True, True, True]])
@@ -63,14 +73,13 @@ def test_values_that_are_there_in_their_order(values):
 
 
 def test_by_how_many_turns_contacts_stay_where_they_are() -> None:
-    """Contacts at -x, +x and once more at +x: about one point 3, about the line of two 1, of three or none are known 0.
+    """Contacts at -x, +x, once more at -x and +x: about a point 3, about the line of two 1, else none.
 
     Two at one place are taken for as many as know no turn.
     """
-    places = [[-0.01, 0, 0], [0.01, 0, 0], [0.01, 0, 0]]
-    g = question([contact(p, [0, 0, 1]) for p in places], [0, 0, 1, 0, 0, 0]).grasp
-    which = np.array([[1, 0, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1], [0, 0, 0]], dtype=bool)
-    assert _turns(g, which).tolist() == [3, 3, 1, 1, 0, 0, 0]
+    g = question([contact([x, 0, 0], [0, 0, 1]) for x in (-0.01, 0.01, -0.01, 0.01)], [0, 0, 1, 0, 0, 0]).grasp
+    about = [[0], [2], [0, 1], [1, 2], [0, 3], [2, 3], [0, 2], [1, 3], [0, 1, 2], [0, 1, 2, 3], []]
+    assert _turns(g, np.array([mask(4, *some) for some in about])).tolist() == [3, 3, 1, 1, 1, 1, 0, 0, 0, 0, 0]
 
 
 def test_multipliers_that_are_taken_for_0_count_for_nothing() -> None:
@@ -308,17 +317,25 @@ def test_square_systems_without_an_inverse_are_tried_again_with_the_rank_that_is
     assert shown
 
 
-def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_group() -> None:
+def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_group(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """100 of side 4, 2 of 5 and 100 of 20: 102 (20^3 - 5^3) is more than a group costs, 100 (5^3 - 4^3) is not."""
     size = np.array([20, 4, 20, 5, 4, 20] + 97 * [4, 20] + [4, 5, 4, 4])
-    leaves = np.arange(len(size))[::-1]
-    groups = _groups(leaves, size)
+    some = np.arange(len(size))[::-1]
+    groups = _groups(some, size)
     assert [sorted(set(size[group].tolist())) for group in groups] == [[4, 5], [20]]
-    assert sorted(np.concatenate(groups).tolist()) == sorted(leaves.tolist())
+    assert sorted(np.concatenate(groups).tolist()) == sorted(some.tolist())
     few = np.array(100 * [4] + [20, 30])  # 30^3 - 20^3 is less than a group costs, 100 times as much is more
     assert [sorted(set(few[group].tolist())) for group in _groups(np.arange(102), few)] == [[4], [20, 30]]
+    many = np.array(100 * [20] + [30])  # the 100 are not to be padded from 20 to 30
+    assert [len(group) for group in _groups(np.arange(101), many)] == [100, 1]
+    near = np.array(100 * [9] + [10])
+    assert [len(group) for group in _groups(np.arange(101), near)] == [101]
+    monkeypatch.setattr(leaves, "GROUP_COST", 100 * (10**3 - 9**3))  # and as much is not more
+    assert [len(group) for group in _groups(np.arange(101), near)] == [101]
     assert [len(group) for group in _groups(np.arange(300), np.full(300, 7))] == [CHUNK, CHUNK, 300 - 2 * CHUNK]
-    assert _groups(leaves[:0], size) == []
+    assert _groups(some[:0], size) == []
 
 
 def test_equalities_cancel_what_they_can_of_the_rows() -> None:
@@ -400,7 +417,7 @@ def a_leaf(found: LeafSystems, value: Array, right: Array, y: Array, either: Mas
     return LeafSystems(found.equations, found.side, cited, np.inf)
 
 
-@pytest.mark.parametrize(("gap", "proved"), [(0.0, True), (1.9, True), (-1.9, True), (2.1, False), (-2.1, False)])
+@pytest.mark.parametrize(("gap", "proved"), [(0.0, True), (1.9, True), (-2.0, True), (2.1, False), (-2.1, False)])
 def test_a_cap_is_none_of_motions_that_were_there_before(monkeypatch: pytest.MonkeyPatch, gap: float, proved) -> None:
     """What holds for motions up to 2 N says nothing where a contact was farther away, or pressed more."""
     monkeypatch.setattr(leaves, "exact_margin", lambda *_: (0.5, 2.0))
@@ -514,6 +531,7 @@ def test_efforts_are_put_in_from_the_balance_of_their_joint():
         (0, 0.125, 0, False, (8, 0.25), 0.5),  # the farther end is 4
         (0, 0.125, 0, True, (8, 0.25), 0.875),  # the multiplier 1 / 0.25 grows faster, so the first end is worst
         (0, 0.125, 0, True, (8, 64), 0.5),  # 1 / 64 grows more slowly
+        (0, 1 - 5e-10, 0, True, (1, 1), 1 - 4 * (1 - 5e-10)),  # or surely no faster
         (0, 0, 0.125, False, (8, 0.25), 1 - 0.125 / 8),
         (0, 0, 0.125, False, (2**-10, 64), 1 - 0.125 * 2**10),
     ],
@@ -542,3 +560,558 @@ def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin
         found._choose(np.array([0]), 1e-9)
         for least in (floats, exact_margin(found, 0)[0]):
             assert margin - 1e-8 * abs(margin) <= least <= margin
+
+
+# --- parts by hand: two walls across from each other at -x and x; r is the columns 0 to 5, c the columns 6 to 11
+
+
+def walls_of(counts: list[int], wrench: Sequence[float] = (0.0,) * 6, **more: Any) -> LeafSystems:
+    """Leaves with so many rows that say nothing, for what is put into them."""
+    q = pinch(wrench, **more)
+    made = equations_of(q)
+    R, L = sum(counts), len(counts)
+    none, zero = np.zeros(R, dtype=bool), np.zeros((L, made.columns.n), dtype=bool)
+    value, start = np.zeros((R, made.columns.n + len(made.Z))), np.cumsum([0, *counts])
+    cited = CitedRows(value, np.zeros(R), np.arange(R), none.copy(), np.ones(R), start, zero, none, none)
+    scalar = (1.0, 2.0) if q.has_scalar else None
+    return LeafSystems(made, RightSide.of(q, scalar, len(made.E)), cited, np.inf)
+
+
+def mask(size: int, *places: int) -> Mask:
+    out = np.zeros(size, dtype=bool)
+    out[list(places)] = True
+    return out
+
+
+def test_the_row_with_the_largest_multiplier_of_those_used_is_left_out() -> None:
+    """The first row of several; an equality where it is larger than all rows, or there are none."""
+    found = walls_of([3, 0, 2, 2, 1])
+    found.y, found.used = np.array([1.0, 3, 3, 2, 2, 9, 1, 3]), ~mask(8, 5)
+    found.v = np.zeros((5, 6))
+    found.v[[0, 0, 1, 1, 2, 3, 4], [2, 5, 1, 2, 3, 4, 0]] = -2, -9, -0.5, 0.25, -2, -1.5, 2
+    found.used_E = (found.v != 0) & (found.v > -9)
+    found.basis, found.basis_E = found.used.copy(), found.used_E.copy()
+    found._leave_out_one()
+    assert np.flatnonzero(found.basis).tolist() == [0, 2, 4, 6]
+    assert np.argwhere(found.basis_E).tolist() == [[0, 2], [1, 2], [2, 3], [4, 0]]
+
+
+def test_which_rows_and_equalities_are_used() -> None:
+    """Those whose multipliers are no less than a share of the largest of their leaf, and that touch what is not 0."""
+    found = walls_of([3, 1, 0])
+    found.stated = np.array([1.0, 0.5, 2e-3, 1e-4])
+    found.touches = np.array([mask(12, 0, 6), mask(12, 7), mask(12, 0), mask(12, 8)])
+    found.E_touches = np.array([mask(12, 6, 9), mask(12, 7), mask(12, 10), *[mask(12, 11)] * 3])
+    found.rows.zero[0, 7] = True
+    v = np.array([[4.0, -0.25, -1e-4, 0, 0, 0], [0, 0, 0, -1.0, 0, 0], [-2.0, 0, 2e-3, 0, 0, 0]])
+    found._use(v, 1e-3)
+    assert found.top.tolist() == [4, 1, 2]
+    assert found.y.tolist() == [1, 0.5, 0, 0]
+    assert found.used.tolist() == [True, False, False, False]
+    assert found.v.tolist() == [[4, -0.25, 0, 0, 0, 0], [0, 0, 0, -1, 0, 0], [-2, 0, 0, 0, 0, 0]]
+    assert np.argwhere(found.used_E).tolist() == [[0, 0], [1, 3], [2, 0]]
+    assert [np.flatnonzero(x).tolist() for x in found.alive] == [[0, 6, 9], [11], [6, 9]]
+
+
+@pytest.mark.parametrize(("least", "normal"), [(1e-9, -1.0), (0.9, 0.0)])
+def test_equalities_are_solved_for_again_without_what_is_0(least: float, normal: float) -> None:
+    """Contact 1 is open in the first leaf: its c_n is in (1) of x alone, the others in two equations each.
+
+    Contact 0 is open in the second, which has no rows: what is left of the load of -1 along y is across (1).
+    least: of singular values, relative; those of the tangents are the square root of 2.
+    """
+    found = walls_of([1, 0, 0], wrench=[0, 1, 0, 0, 0, 0])
+    before = found.v[2].copy()
+    found.rest = np.array([[0.0] * 6 + [1, 2, 3, 4, 5, 6]] * 3)
+    found.rows.zero[0, 9:], found.rows.zero[1, 6:9] = True, True
+    found._solve_again(np.array([0, 1]), least)
+    np.testing.assert_allclose(found.v[0], [normal, 1.5, -1, 0, -1, -1.5], atol=1e-14)
+    np.testing.assert_allclose(found.v[1], [0, -0.5, 0, 0, 0, 0.5], atol=1e-14)
+    assert found.v[2].tolist() == before.tolist()
+    assert found.used_E[1].tolist() == [False, True, False, False, False, True]  # and are taken for what is used
+
+
+@pytest.mark.parametrize(
+    ("y", "v", "either", "basis", "basis_E"),
+    [
+        ([5, 1, 2, 3], [0, 0], [3], [2, 3], []),  # any sign first, then the larger; the largest is left over
+        ([5, 2, 1, 3], [0, 0], [3], [1, 3], []),
+        ([5, 2, 1, 3], [0.1, 0], [3], [3], [0]),
+        ([5, 1, 2, 3], [0.1, 0], [], [3], [0]),
+        ([1, 5, 2, 3], [0.1, 0.1], [], [], [0, 1]),
+        ([5, 1, 2, 3], [-9, 0], [], [0, 3], []),  # it may be an equality
+        ([5, 9, 2, 3], [-9, 0], [], [0, 3], []),  # two are the largest
+        ([5, 1, 2, 3], [0, 0, 0, 0, 0, -9], [], [0, 3], []),  # or the last of (1)
+    ],
+)
+def test_which_rows_are_chosen_by_elimination(
+    y: list[float], v: list[float], either: list[int], basis, basis_E
+) -> None:
+    """Rows along x, y, y, and 3 x + y; (1) of x along x, that of y along x + y. What is not alive does not count."""
+    found = walls_of([1, 4])
+    found.y, found.v[1, : len(v)] = np.array([1.0, *y]), v
+    found.used, found.used_E = mask(5, 0, 1, 2, 3, 4), found.v != 0
+    found.rows.either[1 + np.array(either, dtype=int)] = True
+    every = np.zeros((12, 13))
+    every[:7, :2] = [[1, 0], [1, 0], [0, 1], [0, 1], [3, 1], [1, 0], [1, 1]]
+    every[10, 0], every[1:7, 5] = 1.0, 7.0
+    found.every, found.alive = every, np.array([mask(12, 5), mask(12, 0, 1)])
+    found.basis, found.basis_E, found.columns = ~found.used, ~found.used_E, ~found.alive
+    found._choose(np.array([0, 1]), 1e-6)
+    assert not found.basis[0]  # the first leaf has no pivot in what is alive
+    assert np.flatnonzero(found.basis[1:]).tolist() == basis
+    assert np.argwhere(found.basis_E).tolist() == [[1, k] for k in basis_E]
+    assert [np.flatnonzero(x).tolist() for x in found.columns] == [[], [0, 1]]
+
+
+def test_where_the_rows_of_leaves_stand_among_rows_and_equalities() -> None:
+    """R = 3 rows and 6 equalities: 9 stands for none."""
+    found = walls_of([2, 1])
+    equalities = np.array([mask(6, 1), mask(6, 0, 2)])
+    for width, ends in ((None, ()), (4, (9,))):
+        index, there = found.places(np.array([0, 1]), mask(3, 0, 2), equalities, width)
+        assert index.tolist() == [[0, 4, 9, *ends], [2, 3, 5, *ends]]
+        assert there.tolist() == [[True, True, False, *(False for _ in ends)], [True] * 3 + [False for _ in ends]]
+    assert found.places(np.array([1]), mask(3, 0, 2), equalities, 2)[0].tolist() == [[2, 3]]
+    assert found.places(np.array([0, 1]), mask(3), mask(12).reshape(2, 6))[0].shape == (2, 0)
+    assert found.places(np.zeros(0, dtype=np.int64), mask(3), equalities)[0].shape == (0, 0)
+
+
+@pytest.mark.parametrize(("upper", "regular"), [(0.0, True), (0.25, True), (0.5, False), (0.75, False)])
+def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, upper: float, regular: bool) -> None:
+    """B = diag(2, 4), X = B^-1 + (0, upper / 2; 0, 0): B X is 1 + (0, upper; 0, 0).
+
+    The error of entries, 2^-12, times 4, the largest of the second row, and all of |X|, comes to that.
+    """
+    B, X = np.diag([2.0, 4.0]), np.array([[0.5, upper / 2], [0.0, 0.25]])
+    monkeypatch.setattr(leaves, "_inverse", lambda b: X[None] if np.array_equal(b[0], B) else 0 * b)
+    every = np.zeros((4, 3))
+    every[:2, :2] = B
+    systems = SimpleNamespace(
+        which=np.arange(2), E=np.zeros((1, 2)), basis=None, basis_E=None, columns=np.ones((1, 2), dtype=bool),
+        places=lambda *_: (np.array([[0, 1]]), np.ones((1, 2), dtype=bool)), row_of=np.arange(4), every=every,
+        more=np.zeros((2, 1)), count=np.array([2]), largest=np.array([0.5, 4.0]), E_largest=np.ones(1), error=2.0**-12,
+    )  # fmt: skip
+    square = Square(systems, np.array([0]), np.array([2]))  # type: ignore[arg-type]
+    size = 0.75 + upper / 2
+    rows, columns = max(upper + 2.0**-12 * size, 2.0**-10 * size), np.array([0, upper]) + 2.0**-10 * size
+    assert square.regular.tolist() == [regular]
+    assert (square._columns[0] >= columns).all()
+    assert square._rows[0] >= rows
+    residual = np.array([[1.0, 8.0]])
+    with np.errstate(all="ignore"):
+        bound, sound = square.bound(residual)
+    assert sound.tolist() == [regular]
+    at_most = np.array([0.5, upper / 2 + 2.0])
+    wanted = at_most + at_most.sum() / (1 - rows) * columns if regular else np.zeros(2)
+    assert (bound[0] >= wanted).all()
+    np.testing.assert_allclose(bound[0], wanted, rtol=1e-8)
+    assert square.solution(residual)[0].tolist() == (at_most.tolist() if regular else [0, 0])
+
+
+def test_which_systems_are_tried_again_with_the_rank_by_entries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(rows, unknowns), rank by counting, by entries; filled up to the rank where rows are not one more than unknowns.
+
+    Tried again is what was not shown, and has a lower rank by entries.
+    """
+    table: dict[tuple[Any, ...], tuple[int, int]] = {
+        (3, 2): (9, 9),  # square, shown
+        (4, 2): (2, 9),  # one row too many
+        (2, 3): (2, 1),  # as many rows as the rank: nothing follows before entries are counted
+        (1, 0): (9, 9),  # nothing to cancel
+        (3, 2, ""): (9, 1),  # square, but singular
+        (3, 2, " "): (9, 2),  # no lower rank: it is not tried again
+        (5, 3): (2, 2),
+    }
+    shapes = [key[:2] for key in table]
+    found = walls_of([rows for rows, _ in shapes])
+    found.used[:], found.used_E[:] = True, False
+    found.alive = np.array([np.arange(12) < columns for _, columns in shapes])
+    tried: list[tuple[list[int], list[list[int]]]] = []
+
+    def ranks(leaves: Integers, by_entries: bool = False) -> Integers:
+        """In motions, and in the other unknowns."""
+        total = np.array(list(table.values()))[leaves, int(by_entries)]
+        return np.column_stack([total - 1, np.ones_like(total)])
+
+    def squares(leaves: Integers) -> list[SimpleNamespace]:
+        tried.append((leaves.tolist(), found.more[:, leaves].T.tolist()))
+        return [SimpleNamespace(leaves=leaves, regular=np.isin(leaves, [0, 1, 3]))]
+
+    given = np.array([0.5, 0.25, 0.0, -1.0, -np.inf, np.nan, 1.0])
+    monkeypatch.setattr(found, "_most_ranks", ranks)
+    monkeypatch.setattr(found, "_squares", squares)
+    monkeypatch.setattr(found, "_enclosed", lambda shown: given if len(shown) == 2 else 0 * given)
+    margins, caps = found.proved(quick=True)
+    assert tried[0] == ([0, 1, 3, 4, 5, 6], [[0, 0], [0, 1], [0, 0], [0, 0], [0, 0], [1, 2]])
+    assert tried[1] == ([2, 4], [[2, 0], [1, 1]])
+    np.testing.assert_array_equal(margins, given)
+    assert np.isinf(caps).all()
+
+
+def test_what_floats_do_not_show_is_tried_in_rational_numbers_with_ever_larger_pivots(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """First with the multipliers as they are stated, then with those that are solved for again."""
+    found, done = walls_of([1, 1, 1, 1]), list[Any]()
+    found.alive[:] = True
+    found.alive[3] = False
+    wanted = {1: 0, 2: 2}  # a leaf: after how many others it is proved
+    asked = dict.fromkeys(range(4), 0)
+
+    def exact(systems: LeafSystems, leaf: int) -> tuple[float, float]:
+        asked[leaf] += 1
+        return (0.5, 8.0) if asked[leaf] > wanted.get(leaf, 9) else (-1.0, 4.0)
+
+    monkeypatch.setattr(found, "_enclosed", lambda _: np.array([0.5, 0.0, -np.inf, np.nan]))
+    monkeypatch.setattr(found, "_squares", lambda _: [])
+    monkeypatch.setattr(found, "_most_ranks", lambda some, by_entries=False: np.full((len(some), 2), 9))
+    monkeypatch.setattr(found, "_use", lambda v: done.append(v is found.stated_v))
+    monkeypatch.setattr(found, "_choose", lambda some, least: done.append(("choose", some.tolist(), least)))
+    monkeypatch.setattr(found, "_solve_again", lambda some, least: done.append(("solve", some.tolist(), least)))
+    monkeypatch.setattr(leaves, "exact_margin", exact)
+    monkeypatch.setattr(leaves, "in_time", lambda until: done.append(until))
+    margins, caps = found.proved(quick=False)
+    assert done == [
+        True, ("choose", [1, 2], 1e-9), *[np.inf] * 3,
+        ("solve", [2, 3], 1e-9), ("choose", [2], 1e-9), *[np.inf] * 2,
+        ("solve", [2, 3], 1e-6), ("choose", [2], 1e-6), *[np.inf] * 2,
+        ("solve", [3], 1e-4), ("choose", [], 1e-4), np.inf,
+    ]  # fmt: skip
+    assert margins.tolist() == [0.5, 0.5, 0.5, -1]
+    assert caps.tolist() == [np.inf, 8, 8, np.inf]  # of what is not proved there is none
+    done.clear()
+    monkeypatch.setattr(found, "_enclosed", lambda _: np.ones(4))
+    assert found.proved(quick=False)[0].tolist() == [1, 1, 1, 1]
+    assert done == []
+
+
+@pytest.mark.parametrize(
+    ("slip", "grows", "energy", "less"),
+    [
+        (0, 0, 0, 0),
+        (0.25, 0, 0, 0.25 * 1.125),
+        (0, 1.5, 0, 1.5 * 1.125),  # 1.75, the least multiplier of the first end, is more: that end, 1
+        (0, 1.6, 0, 1.6 * 1.125 * 4),  # less: the farther one, 4
+        (0, 1.75 / 1.125 * (1 - 5e-10), 0, 1.75 * 4),  # or not surely more
+        (0, 0, 0.5, 0.5 * 1.125 / 2),
+    ],
+)
+@pytest.mark.parametrize("put_in", [(0.0, 0.0), (0.5, 0.25), (0.5, -0.25)])
+def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
+    slip: float, grows: float, energy: float, less: float, put_in: tuple[float, float]
+) -> None:
+    """Multipliers 1 and 2 of rows with right sides 1 and -1/4, 1/2 of (1) along y, whose right side is -1.
+
+    They may be off by 1/8, 1/4 and 1/16. The first row is 2 d_n of contact 1, over 2, and a balance of energy; the
+    second the scalar's first end. An effort is put in from an equation whose right side is -1.
+    """
+    turning = [{"name": "a", "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]}]
+    found = walls_of([2, 0], wrench=[0, 1, 0, 0, 0, 0], joints=turning, preload={"a": 1.0})
+    side, n = found.side, found.equations.columns.n
+    side = replace(side, slack=0 * side.slack, growth=0 * side.growth, slip=slip, slip_growth=grows, energy=energy)
+    found.side, found.error = replace(side, ends=(1.0, 4.0)), 2.0**-8
+    found.rows.value[0, n + 3], found.unit[0] = 2.0, 2.0
+    found.rows = replace(found.rows, energy=mask(2, 0), first=mask(2, 1))
+    found.y, found.b, found.put_in = np.array([1.0, 2.0]), np.array([1.0, -0.25]), np.array(put_in)[:, None]
+    found.v = np.array([[0, -0.5, 0, 0, 0, 0, 9.0], np.zeros(7)])
+    found.h[6], found.F[1, 9] = -1.0, -0.25  # of a force in (1) along y, which is left out by half of it
+    change = np.array([0.125, 0.25, 0, 0.0625, 0, 0, 0, 0, 9.0])
+    asked: list[Array] = []
+
+    def margins(sound: bool) -> Array:
+        def bound(residual: Array) -> tuple[Array, Mask]:
+            asked.append(residual)
+            return np.array([change, 0 * change]), np.array([sound, True])
+
+        places = np.array([np.arange(9), [*[16] * 2, *range(9, 16)]])
+        square = SimpleNamespace(places=places, leaves=np.arange(2), solution=lambda _: np.zeros((2, 9)), bound=bound)
+        given = found.v.copy()
+        out = found._enclosed([square])  # type: ignore[list-item]
+        found.v = given
+        return out
+
+    effort, sizes = put_in[0] + 2 * put_in[1], abs(put_in[0]) + 2 * abs(put_in[1])
+    terms = 2.0 + sizes
+    value = 1.0 - effort - 2.0**-8 * terms
+    value -= 0.125 + 0.25 * 0.25 + 0.0625 + 0.125 * abs(put_in[0]) + 0.25 * abs(put_in[1]) + 2.0**-8 * sizes
+    margin, none = margins(sound=True)
+    assert none == -np.inf  # without any terms
+    assert margin == pytest.approx((value - less) / terms, rel=1e-7)
+    assert margin <= (value - less) / terms
+    entries = found.y @ found.largest[:2] + abs(found.v[0]) @ found.E_largest
+    left = np.abs(found._weighed(found.y) + found.v @ found.E)
+    assert left[0, 9] == 0
+    assert (asked[0] > 0).all()
+    np.testing.assert_allclose(asked[0], left + 2.0**-8 * np.array([[entries], [0.0]]), rtol=1e-6, atol=1e-299)
+    assert (asked[0][0] >= left[0] + 2.0**-8 * entries).all()
+    assert margins(sound=False)[0] == -np.inf
+    change[1] = 2.5  # more than the multiplier: an inequality's may be negative
+    assert margins(sound=True)[0] == -np.inf
+    found.rows.either[1] = True
+    assert np.isfinite(margins(sound=True)[0])
+
+
+def two_rows(share: float, column: int, right: float = 1.0, **more: Any) -> LeafSystems:
+    """-r_x + share times another unknown >= 0, and r_x >= 1; r_x alone is chosen to be solved for, by the second."""
+    q = pinch([0] * 6, goal=LARGEST_GOAL, direction=[1, 0, 0, 0, 0, 0])
+    made = equations_of(q)
+    value, none = np.zeros((2, made.columns.n + len(made.Z))), np.zeros(2, dtype=bool)
+    value[:, 0], value[0, column] = (-1, 1), share
+    side = RightSide.of(q, (1.0, 2.0), len(made.E))
+    none_missed: dict[str, Any] = {"slack": 0 * side.slack, "growth": 0 * side.growth, "slip": 0.0, "energy": 0.0}
+    side = replace(side, **none_missed | more)
+    zero = np.zeros((1, made.columns.n), dtype=bool)
+    cited = CitedRows(value, np.array([0, right]), np.arange(2), none, np.ones(2), np.array([0, 2]), zero, none, none)
+    found = LeafSystems(made, side, cited, np.inf)
+    found.basis, found.basis_E, found.columns = mask(2, 1), np.zeros_like(found.used_E), mask(13, 0)[None]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("column", "share", "margin", "cap"),
+    [
+        (1, 2.0**-20, 1.0, 2.0**19),  # up to a motion of 2^19 it takes half of the margin
+        (1, 0.0, 1.0, np.inf),
+        (12, 2.0**-20, -np.inf, np.inf),  # nothing bounds the scalar
+        (12, 0.0, 1.0, np.inf),
+    ],
+)
+def test_what_is_left_over_is_bounded_by_motions_up_to_a_cap(
+    column: int, share: float, margin: float, cap: float
+) -> None:
+    found = two_rows(share, column)
+    assert exact_margin(found, 0) == pytest.approx((margin, cap), rel=1e-8)
+
+
+def test_what_shows_nothing_in_rational_numbers() -> None:
+    """Right sides of 0, a slack without end, multipliers that are no numbers, more columns than rows, no inverse."""
+    none = -np.inf, np.inf
+    assert exact_margin(two_rows(0.0, 1), 0)[0] == pytest.approx(1)
+    assert exact_margin(two_rows(0.0, 1, right=0.0), 0) == none
+    with np.errstate(all="ignore"):
+        assert exact_margin(two_rows(0.0, 1, slip=np.inf), 0) == none
+    assert exact_margin(two_rows(0.0, 1, right=-1.0), 0) == (-1.0, np.inf)
+    for name, bad in (("y", np.inf), ("y", np.nan), ("v", np.inf), ("v", np.nan)):
+        found = two_rows(0.0, 1)
+        getattr(found, name)[..., 0] = bad
+        assert exact_margin(found, 0) == none
+    found = two_rows(0.0, 1)
+    found.columns[0, 1] = True
+    assert exact_margin(found, 0) == none
+    found.columns = mask(13, 2)[None]
+    assert exact_margin(found, 0) == none
+
+
+@pytest.mark.parametrize(("of_f", "of_c"), [(0.0, -3.0), (-1.5, -1.5)])
+def test_efforts_are_put_in_where_any_row_knows_them(of_f: float, of_c: float) -> None:
+    """3 f >= 3; -3 c_n >= 0, or half of both, of contact 0, whose slider is balanced by c_n - f = 0."""
+    slider = [{"name": "a", "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 1, 0], "moves": [0]}]
+    like = walls_of([1], joints=slider, preload={"a": 1.0})
+    like.side = replace(like.side, slack=0 * like.side.slack, slip=0.0, energy=0.0)
+    value = np.zeros((2, like.rows.value.shape[1]))
+    value[0, 13], value[1, [7, 13]] = 3.0, (of_c, of_f)
+    found = a_leaf(like, value, np.array([3.0, 0.0]), np.array([1.0, 1.0]), np.array([False, False]))
+    assert found.put_in.tolist() == [[0.75], [of_f / 4]]  # 3 f, over 4
+    assert found.F[:, [7, 13]].tolist() == [[0.75, 0], [-0.75, 0]]
+    assert found.touches[0].tolist() == mask(14, 7).tolist()
+    assert (found.unit.tolist(), found.largest.tolist(), found.b.tolist()) == ([4, 4], [0.75, 0.75], [0.75, 0])
+    assert found.proved(quick=True)[0] == pytest.approx(1)
+    found._use(found.stated_v)
+    found._choose(np.array([0]), 1e-9)
+    assert exact_margin(found, 0) == (pytest.approx(1), np.inf)
+
+
+def test_ranks_of_point_contacts_by_hand() -> None:
+    """Four contacts in no special place, no joints: by counting and by entries.
+
+    Motions are known by d of contacts, or of the object; forces by (1), where others are of open contacts.
+    """
+    places = [[1, 2, 3], [-2, 1, 1.5], [1, -1.5, 2], [3, 1, -2]]
+    normals = np.array([[1, 2, 2], [2, -1, 2], [2, 2, -1], [-2, 1, 2]]) / 3
+    direction = [1, 2, 3, 1, 2, 3]
+    q = question(
+        [contact(p, n) for p, n in zip(places, normals, strict=True)], [0] * 6, LARGEST_GOAL, direction=direction
+    )
+    made = equations_of(q)
+    n, scalar, every = made.columns.n, made.columns.scalar.start, [*range(6)]
+
+    def d(*contacts: int) -> list[int]:
+        return [n + 3 * k + i for k in contacts for i in range(3)]
+
+    table: list[tuple[list[int], list[int], list[int], bool, list[int]]] = [
+        # columns of rows, equalities, closed contacts, is the scalar known, ranks of motions and forces
+        (2 * d(0), [], [], False, [3, 0]),
+        (2 * d(0, 1), [], [], False, [5, 0]),
+        (2 * d(0, 1, 2), [], [], False, [6, 0]),
+        ([*d(0, 0), 0], [], [], False, [6, 0]),  # the object's motion besides
+        (d(0), [], [], False, [3, 0]),
+        (d(0)[:2], [], [], False, [2, 0]),
+        ([], every, [0, 1], False, [0, 5]),
+        ([], every, [0], False, [0, 3]),
+        ([], every, [0, 1, 2], False, [0, 6]),
+        ([6], every, [0, 1], False, [0, 6]),  # a force of contact 0 besides
+        ([6, 6], every, [0], False, [0, 3]),
+        ([6, 9, 12], every, [0, 1, 2], False, [0, 9]),
+        ([6, 9, 9], every, [0, 1, 2], False, [0, 9]),  # by entries 8: two are about one force
+        ([], every, [0, 1], True, [0, 6]),  # the load besides: torques about both contacts count
+        ([scalar], every, [0, 1], True, [0, 6]),  # forces through two points have 5
+        ([], every[:3], [0, 1], False, [0, 3]),
+        (3 * [scalar], every[:3], [0, 1], True, [0, 4]),
+        ([], every[1:], [0, 1], False, [0, 5]),
+        ([*d(0), 6], every, [0, 1, 3], False, [3, 7]),
+        (d(0)[:2], every, [0, 1], False, [2, 5]),
+    ]
+    value = np.zeros((sum(len(row[0]) for row in table), n + len(made.Z)))
+    value[np.arange(len(value)), [column for row in table for column in row[0]]] = 1.0
+    start, zero = np.cumsum([0, *(len(row[0]) for row in table)]), np.zeros((len(table), n), dtype=bool)
+    for k, (_, _, closed, load, _) in enumerate(table):
+        zero[k, made.columns.c] = np.repeat(~mask(4, *closed), 3)
+        zero[k, scalar] = not load
+    none = np.zeros(len(value), dtype=bool)
+    cited = CitedRows(value, 0.0 * none, np.arange(len(value)), none, 1.0 + none, start, zero, none, none)
+    found = LeafSystems(made, RightSide.of(q, (1.0, 2.0), 6), cited, np.inf)
+    found._use(np.array([mask(6, *row[1]).astype(float) for row in table]))
+    for by_entries in (False, True):
+        wanted = [row[-1] for row in table]
+        wanted[12] = [0, 8 if by_entries else 9]
+        assert found._most_ranks(np.arange(len(table)), by_entries).tolist() == wanted
+        assert found._most_ranks(np.array([6]), by_entries).tolist() == [table[6][-1]]
+
+
+def test_multipliers_of_equalities_are_improved_once() -> None:
+    """With an inverse that is too small by 2^-10, relative, what it leaves of the rest is 2^-20 of it."""
+    found = walls_of([1, 0], wrench=[0, 1, 0, 0, 0, 0])
+    found.rows.value[0, 6:12] = [1, 2, 3, 4, 5, 6]
+    rough = replace(found.equations)
+    rough.__dict__["inverse"] = found.equations.inverse * (1 - 2.0**-10)
+    better = LeafSystems(rough, found.side, found.rows, np.inf)
+    exact = -better.rest[0] @ found.equations.inverse
+    np.testing.assert_allclose(better.stated_v[0], exact * (1 - 2.0**-20), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(better.stated_v[1], better.own_h * 2.0**-20, rtol=1e-6, atol=1e-15)  # (1) holds it all
+
+
+def test_multipliers_in_rational_numbers_are_those_of_rows_in_their_own_units() -> None:
+    """r_x >= 3 and 4 r_x >= 8 with 1 each, -r_x >= -1 with the 5 that cancels them: 6 of 16."""
+    like = two_rows(0.0, 1)
+    value = np.zeros((3, like.rows.value.shape[1]))
+    value[:, 0] = [-1, 1, 4]
+    found = a_leaf(like, value, np.array([-1.0, 3, 8]), np.array([4.9, 1, 1]), mask(3))
+    found.basis, found.basis_E, found.columns = mask(3, 0), np.zeros_like(found.used_E), mask(13, 0)[None]
+    assert exact_margin(found, 0) == (pytest.approx(6 / 16), np.inf)
+
+
+def test_ranks_of_joints_soft_fingers_and_geared_motors_by_hand() -> None:
+    """Four parallel joints before contact 0 move it in a plane; those before the soft finger 1 move it freely.
+
+    The motor of the first joint turns half as fast: its effort is not put in. Two joints of each contact are coupled.
+    """
+    contacts = [contact([1, 2, 3], [1 / 3, 2 / 3, 2 / 3]), contact([-2, 1, 1.5], [2 / 3, -1 / 3, 2 / 3], torsion=0.1)]
+    axes = [[0, 0, 1]] * 4 + [[0.6, 0.8, 0], [0, 0.6, 0.8], [0.8, 0, 0.6]]
+    joints: list[dict[str, Any]] = [
+        {"name": f"j{k}", "axis": axis, "origin": [k, 3 - k * k, 1], "moves": [int(k > 3)]}
+        for k, axis in enumerate(axes)
+    ]
+    actuators = [{"name": j["name"], "joints": {j["name"]: 1.0 if k else 0.5}} for k, j in enumerate(joints)]
+    q = question(
+        contacts, [0] * 6, joints=joints, preload={j["name"]: 1.0 for j in joints},
+        mechanism={"actuators": actuators, "couplings": [{"j1": 1.0, "j2": -1.0}, {"j4": 1.0, "j5": 1.0}]},
+    )  # fmt: skip
+    made = equations_of(q)
+    at, n, wrench = made.columns, made.columns.n, [*range(6)]
+    assert made.solved[0].tolist() == [*range(7, 13)]
+    tie, other_tie, geared, turning, t = 13, 14, 6, n + len(made.Z) - 1, n + 6
+
+    def d(*contacts: int) -> list[int]:
+        return [n + 3 * k + i for k in contacts for i in range(3)]
+
+    c = at.c.start
+    table: list[tuple[list[int], list[int], list[int], bool, list[int]]] = [
+        # columns of rows, equalities, closed contacts, is the torsion known, ranks of motions and forces
+        (3 * d(0), [], [], False, [5, 0]),  # 6 of the object, less 3 turns, and 2 of the joints
+        ([*3 * d(0), at.q.start], [], [], False, [6, 0]),  # a joint by itself, and 2 of the others
+        ([*3 * d(0), t], [], [], False, [6, 0]),  # by its motor
+        ([*3 * d(0), t + 4], [], [], False, [6, 0]),  # a joint of the other contact
+        (3 * d(0), [tie], [], False, [7, 0]),  # two of them by their coupling, and 2 of the others
+        (3 * d(0), [other_tie], [], False, [7, 0]),  # two joints of the other contact, by entries one
+        (3 * d(1), [], [], False, [6, 0]),
+        (3 * d(0, 1), [], [], False, [10, 0]),  # 5 of the object, 2 of four joints and all 3
+        ([*3 * d(0), turning], [], [], False, [10, 0]),
+        ([*5 * d(0), turning], [], [], False, [11, 0]),  # all of the object, 2 of four joints and all 3 by turning
+        ([], wrench, [0, 1], False, [0, 5]),
+        ([], wrench, [0, 1], True, [0, 6]),  # the torsion acts besides
+        ([at.twist.start], wrench, [0, 1], True, [0, 6]),  # forces through two points have 5
+        ([], [*wrench, geared], [0, 1], False, [0, 6]),
+        ([c, c + 3], [*wrench, geared], [0, 1], False, [0, 7]),
+        ([c, c + 3, at.f.start], [*wrench, geared], [0, 1], True, [0, 8]),
+        ([c, c], [geared], [0, 1], False, [0, 3]),
+    ]
+    value = np.zeros((sum(len(row[0]) for row in table), n + len(made.Z)))
+    value[np.arange(len(value)), [column for row in table for column in row[0]]] = 1.0
+    start, zero = np.cumsum([0, *(len(row[0]) for row in table)]), np.zeros((len(table), n), dtype=bool)
+    for k, (_, _, closed, twisted, _) in enumerate(table):
+        zero[k, at.c] = np.repeat(~mask(2, *closed), 3)
+        zero[k, at.twist] = not twisted
+    none = np.zeros(len(value), dtype=bool)
+    cited = CitedRows(value, 0.0 * none, np.arange(len(value)), none, 1.0 + none, start, zero, none, none)
+    found = LeafSystems(made, RightSide.of(q, None, len(made.E)), cited, np.inf)
+    found._use(np.array([mask(len(made.E), *row[1]).astype(float) for row in table]))
+    wanted = [row[-1] for row in table]
+    assert found._most_ranks(np.arange(len(table))).tolist() == wanted
+    wanted[5], wanted[8], wanted[9] = (
+        [6, 0],
+        [9, 0],
+        [9, 0],
+    )  # by entries the three joints count once, as one row alone knows them
+    wanted[16] = [0, 2]  # and what two rows say of one force once
+    assert found._most_ranks(np.arange(len(table)), by_entries=True).tolist() == wanted
+
+
+def test_multipliers_of_equalities_are_in_their_own_units_in_rational_numbers() -> None:
+    """Walls at -4 and 4: (1) along y is -a - b = -1 of the two tangential forces, and about z 4 (a - b) = 0.
+
+    Multiplied by 3 and by 1/4 they leave 2 and 4 for a >= 1 and b >= 1: 2 + 4 - 3 of 9.
+    """
+    like = walls_of([1], wrench=[0, 1, 0, 0, 0, 0], size=4.0)
+    like.side = replace(like.side, slack=0 * like.side.slack, slip=0.0, energy=0.0)
+    value = np.zeros((2, like.rows.value.shape[1]))
+    value[[0, 1], [8, 11]] = 1.0
+    found = a_leaf(like, value, np.ones(2), np.array([2.1, 4.1]), mask(2))
+    assert found.equations.unit[5] == 4
+    found.v = np.array([[0, 3.0, 0, 0, 0, 1.0]])
+    found.used_E = found.v != 0
+    found.basis, found.basis_E, found.columns = mask(2, 0, 1), mask(6)[None], mask(12, 8, 11)[None]
+    assert exact_margin(found, 0) == (pytest.approx(3 / 9), np.inf)
+
+
+def test_unknowns_and_equations_are_scaled_to_like_sizes() -> None:
+    """The scalar's load is 8 N: (1) along x is c_n - c_n + 8 s, of which 8 s is the unknown. The lever is 4 m."""
+    found = walls_of([1], [0, 0, 0, 0, 0, 2], goal=LARGEST_GOAL, direction=[8, 0, 0, 0, 0, 0], size=4.0)
+    value = np.zeros((1, found.rows.value.shape[1]))
+    value[0, 12] = 1.0
+    one = a_leaf(found, value, np.ones(1), np.ones(1), mask(1))
+    assert found.equations.scale[12] == 1 / 8
+    assert one.E[0, [6, 9, 12]].tolist() == [1, -1, 1]
+    assert one.E[5, [8, 11]].tolist() == [1, -1]
+    assert one.E_largest[[0, 5]].tolist() == [1, 1]
+    assert one.h[5] == -0.5
+    assert one.E_touches[0].tolist() == mask(13, 6, 9, 12).tolist()
+    assert (one.F[0, 12], one.unit[0], one.b[0], one.largest[0], one.stated[0]) == (1, 1 / 8, 8, 1, 1 / 8)
+
+
+@pytest.mark.parametrize("step", ["_squares", "_choose", "_most_ranks"])
+def test_no_step_goes_on_once_time_is_over(step: str) -> None:
+    found, one = walls_of([1]), np.array([0])
+    found.used = mask(1, 0)
+    found.basis, found.basis_E, found.columns, found.more = mask(1), found.used_E, found.alive, np.zeros((2, 1), int)
+    more = {"_choose": (1e-9,), "_most_ranks": (True,)}.get(step, ())
+    getattr(found, step)(one, *more)
+    found.until = -np.inf
+    with pytest.raises(Late):
+        getattr(found, step)(one, *more)
+
+
+def test_rounding_is_that_of_as_many_terms_as_any_leaf_has() -> None:
+    found = walls_of([5, 1, 3])
+    terms = 5 + sum(found.E.shape) + len(found.equations.Z)
+    assert found.error == ENTRY_ROUNDING + 4 * terms * UNIT_ROUNDOFF
