@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -29,6 +30,18 @@ def linkage(tmp_path_factory: pytest.TempPathFactory) -> Hand:
 def test_a_four_bar_stands_where_its_circles_meet(linkage: Hand, angle: float) -> None:
     q = linkage.configuration({"crank": angle - UPRIGHT})
     assert linkage.values(q) == pytest.approx(FourBar().joints(angle), abs=1e-9)
+
+
+def test_a_crank_that_cannot_turn_further_is_at_its_end_soon(tmp_path: Path) -> None:
+    """There coupler and rocker are in line, 70 mm from pin to pin: cos = (40^2 + 50^2 - 70^2) / (2 * 40 * 50)."""
+    bar = FourBar(crank=0.04, coupler=0.03, rocker=0.04, ground=0.05)
+    hand, asked = load_hand(bar.write(tmp_path)), []
+    closure = hand._closure
+    counting = replace(closure, gaps=lambda q: asked.append(q) or closure.gaps(q))
+    q = counting.closed(np.array([3.0, 0.0, 0.0]), as_far_as_possible=True)
+    assert q[0] == pytest.approx(np.arccos(-0.2) - UPRIGHT, abs=5e-5)  # pins are let pass within 1e-6 m
+    assert bar.joints(q[0] + UPRIGHT)["rocker"] == pytest.approx(q[2], abs=0.02)
+    assert len(asked) < 300  # 1,312 where Newton's steps are not ended as soon as they lead away
 
 
 def test_the_joint_with_the_motor_leads(linkage: Hand, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from handfast.core.errors import InputError
 MAX_LOOP_GAP = 1e-6  # [m] gap that is let pass: of axes that a file gives with few digits
 EXACT_LOOP_GAP = 1e-13  # [m] gap at which nothing more is to be gained
 NEWTON = 30  # steps at most; near the solution three or four do
+NEARER = 0.9  # from nearby a step leaves less of the gap; or else the way is at its end, where others go astray
 STRIDE = 0.2  # [rad] by which a loop is moved at once, so that it stays on its branch
 LOOP_SLIDE = 0.01  # [m] the same of a prismatic joint
 MIN_LOOP_STEP = 1e-7  # of the way, below which it is at its end
@@ -132,7 +133,7 @@ class LoopClosure:
             step = min(step, 1 - done)
             guess = at + step * way
             guess[own] += step * (self._tangent(at) @ way)
-            reached, gap = self._newton(guess, np.array(own))
+            reached, gap = self._newton(guess, np.array(own), NEARER)
             if reached is not None and self._excess(reached) <= tolerance:
                 at, done, step = reached, done + step, 2 * step if done else step
                 step = min(step, 1.0 / max(1.0, float(np.max(np.abs(way) / self.strides))))
@@ -174,13 +175,16 @@ class LoopClosure:
         T[np.abs(T) < LOOP_ROUNDING] = 0.0
         return T
 
-    def _newton(self, q: Array, unknown: Indices) -> tuple[Array | None, Array]:
-        """A solution near q by moving some joints, None if there is none; and the gaps that are left."""
+    def _newton(self, q: Array, unknown: Indices, fewer: float = np.inf) -> tuple[Array | None, Array]:
+        """A solution near q by moving some joints, None if there is none; and the gaps that are left.
+
+        fewer: each step has to leave so much of the gap at most.
+        """
         at, before = self.follow @ q + self.offset, np.inf
         for _ in range(NEWTON):
             gap, J = self.gaps(at)
             size = float(np.abs(gap).max(initial=0.0))
-            if size < EXACT_LOOP_GAP or (size <= MAX_LOOP_GAP and size > 0.5 * before):
+            if size < EXACT_LOOP_GAP or size > fewer * before or (size <= MAX_LOOP_GAP and size > 0.5 * before):
                 break
             before = size
             step = np.linalg.lstsq((J @ self.follow)[:, unknown], -gap, rcond=SINGULAR_RATIO)[0]
