@@ -14,7 +14,7 @@ from handfast.core.errors import InputError
 MAX_LOOP_GAP = 1e-6  # [m] gap that is let pass: of axes that a file gives with few digits
 EXACT_LOOP_GAP = 1e-13  # [m] gap at which nothing more is to be gained
 NEWTON = 30  # steps at most; near the solution three or four do
-NEARER = 0.9  # from nearby a step leaves less of the gap; or else the way is at its end, where others go astray
+LOOP_PROGRESS = 0.9  # from nearby a step leaves less of the gap; or else the way is at its end, where others go astray
 STRIDE = 0.2  # [rad] by which a loop is moved at once, so that it stays on its branch
 LOOP_SLIDE = 0.01  # [m] the same of a prismatic joint
 MIN_LOOP_STEP = 1e-7  # of the way, below which it is at its end
@@ -133,7 +133,7 @@ class LoopClosure:
             step = min(step, 1 - done)
             guess = at + step * way
             guess[own] += step * (self._tangent(at) @ way)
-            reached, gap = self._newton(guess, np.array(own), NEARER)
+            reached, gap = self._newton(guess, np.array(own), LOOP_PROGRESS)
             if reached is not None and self._excess(reached) <= tolerance:
                 at, done, step = reached, done + step, 2 * step if done else step
                 step = min(step, 1.0 / max(1.0, float(np.max(np.abs(way) / self.strides))))
