@@ -677,13 +677,16 @@ def test_where_the_rows_of_leaves_stand_among_rows_and_equalities() -> None:
     assert found.places(np.zeros(0, dtype=np.int64), mask(3), equalities)[0].shape == (0, 0)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("upper", "regular"), [(0.0, True), (0.25, True), (0.5, False), (0.75, False)])
-def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, upper: float, regular: bool) -> None:
-    """B = diag(2, 4), X = B^-1 + (0, upper / 2; 0, 0): B X is 1 + (0, upper; 0, 0).
+def test_the_bounds_of_a_square_system_by_hand(
+    monkeypatch: pytest.MonkeyPatch, upper: float, regular: bool, sign: int
+) -> None:
+    """B = diag(2, 4), X = B^-1 + (0, x / 2; 0, 0), x = upper or -upper: B X is 1 + (0, x; 0, 0).
 
     The error of entries, 2^-12, times 4, the largest of the second row, and all of |X|, comes to that.
     """
-    B, X = np.diag([2.0, 4.0]), np.array([[0.5, upper / 2], [0.0, 0.25]])
+    B, X = np.diag([2.0, 4.0]), np.array([[0.5, sign * upper / 2], [0.0, 0.25]])
     monkeypatch.setattr(leaves, "_inverse", lambda b: X[None] if np.array_equal(b[0], B) else 0 * b)
     every = np.zeros((4, 3))
     every[:2, :2] = B
@@ -706,7 +709,7 @@ def test_the_bounds_of_a_square_system_by_hand(monkeypatch: pytest.MonkeyPatch, 
     wanted = at_most + at_most.sum() / (1 - rows) * columns if regular else np.zeros(2)
     assert (bound[0] >= wanted).all()
     np.testing.assert_allclose(bound[0], wanted, rtol=1e-8)
-    assert square.solution(residual)[0].tolist() == (at_most.tolist() if regular else [0, 0])
+    assert square.solution(residual)[0].tolist() == ([0.5, sign * upper / 2 + 2.0] if regular else [0, 0])
 
 
 def test_which_systems_are_tried_again_with_the_rank_by_entries(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -947,6 +950,7 @@ def test_ranks_of_point_contacts_by_hand() -> None:
         ([*d(0, 0), 0], [], [], False, [6, 0]),  # the object's motion besides
         (d(0), [], [], False, [3, 0]),
         (d(0)[:2], [], [], False, [2, 0]),
+        ([*2 * d(0), *d(1)[:1]], [], [], False, [5, 0]),  # the other contact by one row alone
         ([], every, [0, 1], False, [0, 5]),
         ([], every, [0], False, [0, 3]),
         ([], every, [0, 1, 2], False, [0, 6]),
@@ -974,9 +978,9 @@ def test_ranks_of_point_contacts_by_hand() -> None:
     found._use(np.array([mask(6, *row[1]).astype(float) for row in table]))
     for by_entries in (False, True):
         wanted = [row[-1] for row in table]
-        wanted[12] = [0, 8 if by_entries else 9]
+        wanted[13] = [0, 8 if by_entries else 9]
         assert found._most_ranks(np.arange(len(table)), by_entries).tolist() == wanted
-        assert found._most_ranks(np.array([6]), by_entries).tolist() == [table[6][-1]]
+        assert found._most_ranks(np.array([7]), by_entries).tolist() == [table[7][-1]]
 
 
 def test_multipliers_of_equalities_are_improved_once() -> None:
