@@ -465,9 +465,9 @@ def test_what_one_contact_misses_is_a_share_of_its_load() -> None:
 def given(A: Any, columns: Any, linear: Any, exact: Any, units: Any = 1.0) -> System:
     """Equations whose exact rows say what is linear in them."""
     A = np.array(A, dtype=float)
-    k = np.arange(len(A))
+    k: Any = np.arange(len(A))
     none: Any = None
-    system = System(*[none] * 8, value=k, value_off=k, A=A, A_size=A, units=units * np.ones(len(A)), used=k, residual=0)  # type: ignore[misc]
+    system = System(*[none] * 8, k, k, A, A, units * np.ones(len(A)), k, 0.0)  # type: ignore[call-arg]
     rows = [[fmpq(x) for x in row] for row in exact]
     vars(system).update(columns=np.array(columns, dtype=float), linear=np.array(linear), exact=rows)
     return system
@@ -484,7 +484,9 @@ def given(A: Any, columns: Any, linear: Any, exact: Any, units: Any = 1.0) -> Sy
         ([[1, 0], [1, 1e-12]], [1, 1e6], [True, True], [[1, 0, 2], [1, 0, 2]], [0, 1]),
     ],
 )
-def test_equations_are_left_out_that_follow_from_others_and_are_all_linear(A, columns, linear, exact, kept) -> None:
+def test_equations_are_left_out_that_follow_from_others_and_are_all_linear(
+    A: Any, columns: Any, linear: Any, exact: Any, kept: list[int]
+) -> None:
     assert given(A, columns, linear, exact)._without_dependent().used.tolist() == kept
 
 
@@ -500,7 +502,9 @@ def test_equations_are_left_out_that_follow_from_others_and_are_all_linear(A, co
         ([[1e10]], 1.0, 1e3, True),
     ],
 )
-def test_an_inverse_is_too_large_by_the_units_of_equations_and_unknowns(C: Any, unit, column, so: bool) -> None:
+def test_an_inverse_is_too_large_by_the_units_of_equations_and_unknowns(
+    C: Any, unit: float, column: float, so: bool
+) -> None:
     C = np.array(C)
     system = given(np.zeros(C.T.shape), np.full(len(C), column), [], [], unit)
     vars(system)["inverse"] = C
