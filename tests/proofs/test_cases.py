@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -242,6 +245,12 @@ def test_patches_that_leave_something_out(name):
         cases(soft(), *nodes)
 
 
+def test_an_open_soft_finger_has_no_patch_to_halve() -> None:
+    """No file asks for soft fingers and uncertain normals, where it is not decided; 0 and 1 are halves of no patch."""
+    with pytest.raises(BadCertificate, match="node 1, split of contact 0: needs the two halves"):
+        cases(replace(soft(), eta=0.1), *SPLIT, (1, 0, SLIDE, 0, 0), (1, 0, SLIDE, 1, 0))
+
+
 @pytest.mark.parametrize("upper", [0, 1])
 def test_patches_end_where_their_numbers_do(upper):
     """Of the first octant the lower halves, of the last one the upper halves, down to the largest number of all."""
@@ -267,6 +276,24 @@ def test_patches_lie_between_unit_planes(number: int) -> None:
     assert (np.abs(found.planes @ found.corners.T) < 1e-14).sum() >= 6
     assert (found.planes @ found.corners.T > -1e-14).all()
     assert 0 < found.reach <= (found.corners @ found.middle).min()
+
+
+@pytest.mark.parametrize("number", range(8, 16))
+def test_octants_have_the_signs_of_their_bits(number: int) -> None:
+    signs = [-1.0 if bit == "1" else 1.0 for bit in f"{number:b}"[:0:-1]]
+    found = patch(number)
+    np.testing.assert_allclose(found.middle, np.array(signs) / 3**0.5, rtol=1e-14)
+    np.testing.assert_array_equal(found.planes.sum(axis=0), signs)
+
+
+@pytest.mark.parametrize("number", [8, 11, 14, 15, 16, 17, 37, 54, 200, 1001])
+def test_directions_of_a_patch_are_in_the_half_of_the_corner_that_they_are_nearer_to(number: int) -> None:
+    """Sums of its corners: the plane parts those with more of the second from those with more of the third."""
+    shares = np.array([x for x in product((-0.5, 0.1, 3.0), repeat=3) if x[1] != x[2]])
+    there, (_, second, third) = (shares > 0).all(axis=1), shares.T
+    for half, nearer in ((2 * number, second > third), (2 * number + 1, second < third)):
+        inside = (shares @ patch(number).corners @ patch(half).planes.T > 0).all(axis=1)
+        assert inside.tolist() == (there & nearer).tolist()
 
 
 @pytest.mark.parametrize("number", [0, 7, MAX_PATCH + 1])
