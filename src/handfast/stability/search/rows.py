@@ -26,4 +26,4 @@ SIDE_SHIFT = 40  # place of the side of a soft finger's patch in an id, whose pa
 MIN_SECTOR_WIDTH = 64  # sectors that are no wider than this, in grid steps, stay as they are,
 FINEST_PATCH = 1 << 30  # and so do patches of soft fingers from this number on
 KIND_SHIFT, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0
-NODE = (1 << INDEX) - 1
+NODE = (1 << INDEX) - 1  # of an ENERGY row, which has the number of its node in place of angles
