@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import checked_rows, verify
-from handfast.proofs.fields import Array
+from handfast.proofs.fields import Array, Integers
 from handfast.proofs.kinds import CLOSED, OPEN, Row
 from handfast.proofs.leaves import Late
 from handfast.proofs.question import LARGEST_GOAL
@@ -66,7 +67,7 @@ def test_of_the_leaves_that_are_looked_at_alone_something_is_said(bad):
     assert f"leaf {bad} (node {c.leaves[bad]}), row 0" in verify(wrong, among=np.array([bad])).reason
 
 
-@pytest.mark.parametrize("tilt", [-1e-10, -1e-12, -1e-14, -1e-16])
+@pytest.mark.parametrize("tilt", [-1e-6, -1e-8, -1e-10, -1e-12, -1e-14, -1e-16])
 def test_walls_that_are_not_quite_parallel_have_a_cap_below_the_motion_that_holds(tilt):
     """c_n = 1 N at both holds 1 N: -r_x = 1 and r_x + tilt r_y = 1 where the object moves along y by -2 / tilt."""
     found = verify(proof(walls(tilt=tilt)))
@@ -169,35 +170,54 @@ def test_no_time():
 
 
 @pytest.mark.parametrize(
-    ("quick", "margins", "looked_at", "unproved"),
+    ("quick", "batch", "margins", "wanted", "ok"),
     [
-        (False, [[0.0, 0.5], [0.5]], 2, (0,)),  # a margin of 0 proves nothing
-        (False, [[0.5, 0.5], [0.5]], 2, ()),
-        (True, [[0.5, 0.5], [0.5]], 2, ()),
-        (True, [[0.0, 0.5], [0.5]], 1, (0, 2)),  # what was not looked at is not proved
-        (True, [[0.5, np.nan], [0.5]], 1, (1, 2)),
+        (False, 3, [0.5, 0.5, 0.5], ["floats 0 1 2"], True),
+        (True, 3, [0.5, 0.0, 0.5], ["floats 0 1 2"], False),  # a margin of 0 proves nothing
+        (False, 3, [0.5, 0.0, 0.5], ["floats 0 1 2", "exactly 0 1 2"], True),
+        (False, 2, [0.5, 0.5, 0.5], ["floats 0 1", "floats 2"], True),
+        (True, 2, [0.5, 0.5, 0.5], ["floats 0 1", "floats 2"], True),
+        (True, 2, [0.5, np.nan, 0.5], ["floats 0 1"], False),
+        (False, 2, [0.5, np.nan, 0.5], ["floats 0 1", "floats 2", "exactly 1"], True),
+        (False, 1, [0.0, 0.5, -1.0],
+         ["floats 0", "floats 1", "floats 2", "exactly 0", "exactly 2"], True),
     ],
-)
-def test_leaves_are_looked_at_in_batches(
-    monkeypatch: pytest.MonkeyPatch,
-    quick: bool,
-    margins: list[list[float]],
-    looked_at: int,
-    unproved: tuple[int, ...],
+)  # fmt: skip
+def test_leaves_are_looked_at_in_batches_and_more_closely_once_all_were(
+    monkeypatch: pytest.MonkeyPatch, quick: bool, batch: int, margins: list[float], wanted: list[str], ok: bool
 ) -> None:
-    """All of them, or if it is to be quick up to the first batch with a leaf that is not proved."""
-    asked: list[bool] = []
+    """All of them, or if it is to be quick up to the first batch with a leaf that is not proved.
 
-    def proved(quick: bool) -> tuple[Array, Array]:
-        asked.append(quick)
-        found = np.array(margins[len(asked) - 1])
-        return found, np.full(len(found), np.inf)
+    Caps go from batch to batch, the least of them.
+    """
+    looked: list[str] = []
+    given: list[float] = []
 
-    monkeypatch.setattr(checker, "LEAF_BATCH", 2)
-    monkeypatch.setattr(checker, "LeafSystems", lambda *_: SimpleNamespace(proved=proved))
+    def systems(_: Any, __: Any, some: Integers, ___: Any) -> SimpleNamespace:
+        def proved() -> Array:
+            looked.append(f"floats {' '.join(map(str, some))}")
+            return np.array(margins)[some]
+
+        def more_exactly(before: Array, cap: float) -> tuple[Array, Array]:
+            np.testing.assert_array_equal(before, np.array(margins)[some])
+            looked.append(f"exactly {' '.join(map(str, some))}")
+            given.append(cap)
+            return np.maximum(np.nan_to_num(before), 0.25), np.where(before > 0, np.inf, 40.0 / len(given))
+
+        return SimpleNamespace(proved=proved, more_exactly=more_exactly)
+
+    monkeypatch.setattr(checker, "LEAF_BATCH", batch)
+    monkeypatch.setattr(checker, "checked_rows", lambda _, __, some: some)
+    monkeypatch.setattr(checker, "LeafSystems", systems)
     found = verify(proof(), quick=quick)
-    assert asked == [quick] * looked_at
-    assert (found.ok, found.unproved, found.capped) == (not unproved, unproved, ())
+    assert looked == wanted
+    failed = tuple(k for k, margin in enumerate(margins) if not margin > 0)
+    asked = [x for x in wanted if x.startswith("exactly")]
+    assert given == [np.inf, 40][: len(asked)]
+    assert found.ok == ok
+    assert found.cap == {0: None, 1: 40, 2: 20}[len(asked)]
+    assert found.capped == (failed if asked else ())
+    assert found.unproved == (() if ok else (1, 2) if batch == 2 else failed)
 
 
 @pytest.mark.parametrize("late", range(4))

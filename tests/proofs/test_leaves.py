@@ -22,7 +22,6 @@ from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.grasp import StartData
 from handfast.proofs.kinds import CLOSED, LOCKED, OPEN, Row
 from handfast.proofs.leaves import (
-    CHUNK,
     CitedRows,
     Late,
     LeafSystems,
@@ -220,7 +219,7 @@ def test_what_a_square_system_is_made_of(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(leaves, "_inverse", lambda B: made.append(B.copy()) or np.linalg.pinv(B))
     found = systems(0, "geared", either=True)
     with np.errstate(all="ignore"):
-        found.proved(quick=True)
+        found.proved()
     made.clear()
     wanted = np.flatnonzero(found.columns.any(axis=1) & (found.more >= 0).all(axis=0))
     sides, (p, n) = found.columns.sum(axis=1) + found.more[1], found.E.shape
@@ -247,7 +246,7 @@ def test_what_a_square_system_is_made_of(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.parametrize("share", [1e-10, 1e-12])
 def test_multipliers_that_are_rounding_of_a_solver_are_left_out_first(quick: bool, share: float) -> None:
     """-x >= 0 and x >= 1 contradict each other; a third row with y that is told besides does not cancel."""
-    told = with_one_that_hardly_counts(0.0, told=share).proved(quick)[0]
+    told = judged(with_one_that_hardly_counts(0.0, told=share), quick)[0]
     assert (told > 0) == (share < 1e-11 or not quick)  # in rational numbers what does not cancel gets 0
 
 
@@ -262,7 +261,7 @@ def shown(family: str, at_least: int) -> list[tuple[LeafSystems, int]]:
             break
         found = systems(seed, family, either=True)
         with np.errstate(all="ignore"):
-            margins, _ = found.proved(quick=True)
+            margins = found.proved()
         leaves = np.flatnonzero(margins > 0)
         assert len(leaves) < np.count_nonzero(found.alive.any(axis=1)) / 2
         found._choose(leaves, 1e-9)
@@ -288,7 +287,7 @@ def quickly_proved(seed: int, family: str) -> tuple[LeafSystems, Integers, Integ
     """Leaves; which of them floats prove; how many rows each uses; have the proved ones one more than unknowns?"""
     found = systems(seed, family, either=True)
     with np.errstate(all="ignore"):
-        proved = np.flatnonzero(found.proved(quick=True)[0] > 0)
+        proved = np.flatnonzero(found.proved() > 0)
     many = found._summed(found.used.astype(np.int64)) + found.used_E.sum(axis=1)
     return found, proved, many, many[proved] - 1 == found.alive[proved].sum(axis=1)
 
@@ -334,7 +333,7 @@ def test_systems_of_like_size_are_grouped_so_that_padding_costs_less_than_a_grou
     assert [len(group) for group in _groups(np.arange(101), near)] == [101]
     monkeypatch.setattr(leaves, "GROUP_COST", 100 * (10**3 - 9**3))  # and as much is not more
     assert [len(group) for group in _groups(np.arange(101), near)] == [101]
-    assert [len(group) for group in _groups(np.arange(300), np.full(300, 7))] == [CHUNK, CHUNK, 300 - 2 * CHUNK]
+    assert [len(group) for group in _groups(np.arange(300), np.full(300, 7))] == [300]
     assert _groups(some[:0], size) == []
 
 
@@ -360,7 +359,7 @@ def test_bounds_hold_for_an_inverse_that_is_not_exact(monkeypatch: pytest.Monkey
     monkeypatch.setattr(leaves, "_inverse", small)
     found = systems(1, either=True)
     with np.errstate(all="ignore"):
-        found.proved(quick=True)
+        found.proved()
     matrices.clear()
     squares = found._squares(np.flatnonzero(found.columns.any(axis=1)))
     tried = 0
@@ -398,6 +397,15 @@ def test_no_multiplier_of_an_inequality_is_negative_in_rational_numbers():
     assert any(refused)
 
 
+def judged(found: LeafSystems, quick: bool = False) -> tuple[Array, Array]:
+    """Margins and caps, in floating point alone if it is to be quick."""
+    with np.errstate(all="ignore"):
+        margins = found.proved()
+        if quick or (margins > 0).all():
+            return margins, np.full(len(margins), np.inf)
+        return found.more_exactly(margins, np.inf)
+
+
 def with_one_that_hardly_counts(share: float, either: bool = False, told: float = 1e-10) -> LeafSystems:
     """A leaf of three rows: -x + share y >= 0, x >= 1 and y >= 0. They cancel with 1, 1 and -share, and with no others.
 
@@ -425,7 +433,7 @@ def test_a_cap_is_none_of_motions_that_were_there_before(monkeypatch: pytest.Mon
     g = found.equations.grasp
     before = StartData(gap * np.eye(g.m)[1], np.zeros(g.l), np.zeros(g.a))
     found.equations = replace(found.equations, grasp=g.with_start(before))
-    margins, caps = found.proved(quick=False)
+    margins, caps = judged(found)
     assert (margins.tolist(), caps.tolist()) == (([0.5], [2.0]) if proved else ([-np.inf], [np.inf]))
 
 
@@ -433,9 +441,8 @@ def test_it_ends_where_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before squares are inverted, ranks are counted by entries, rows are chosen, and each leaf in rational numbers."""
     places: list[str] = []
     monkeypatch.setattr(leaves, "in_time", lambda until: places.append(sys._getframe(1).f_code.co_name))
-    with np.errstate(all="ignore"):
-        systems(0, either=True).proved(quick=False)
-    assert set(places) == {"_squares", "_most_by_entries", "_choose", "proved"}
+    judged(systems(0, either=True))
+    assert set(places) == {"_squares", "_most_by_entries", "_choose", "more_exactly"}
     monkeypatch.undo()
     with pytest.raises(Late):
         in_time(time.monotonic() - 1)
@@ -449,10 +456,10 @@ def test_no_multiplier_of_an_inequality_may_be_negative_however_small(share: flo
 
     Nothing is proved by it, whether it is far below 0, or so near that floating point takes it for 0.
     """
-    assert with_one_that_hardly_counts(share, either=True).proved(quick)[0] > 0
-    assert with_one_that_hardly_counts(share).proved(quick)[0] == -np.inf
+    assert judged(with_one_that_hardly_counts(share, either=True), quick)[0] > 0
+    assert judged(with_one_that_hardly_counts(share), quick)[0] == -np.inf
     # with the other sign it is a proof, which floating point finds where that is beyond rounding
-    assert (with_one_that_hardly_counts(-share).proved(quick)[0] > 0) == (share >= 1e-12 or not quick)
+    assert (judged(with_one_that_hardly_counts(-share), quick)[0] > 0) == (share >= 1e-12 or not quick)
 
 
 def test_only_motions_and_forces_of_contacts_may_be_left_over():
@@ -492,6 +499,7 @@ def test_the_balance_of_energy_may_be_missed_in_rational_numbers_too():
 def test_what_rounding_leaves_open_is_of_all_terms_of_a_sum() -> None:
     """Of every row and every equality by its largest entry, whatever the sign; of unknowns that are put in all is 0."""
     found, asked = systems(3, either=True), []
+    found.columns = found.alive
     L, none = len(found.count), np.zeros((len(found.count), 0))
 
     def bound(residual: Array) -> tuple[Array, Mask]:
@@ -556,7 +564,7 @@ def test_the_margin_of_two_rows_by_hand(slip, grows, energy, first, unit, margin
     for size in (1.0, 1 / 16):  # of the multipliers: relative it is the same
         cited = CitedRows(value, right, np.arange(2), none, size * y, np.array([0, 2]), zero, *flags)
         found = LeafSystems(made, side, cited, np.inf)
-        floats = found.proved(quick=True)[0][0]
+        floats = found.proved()[0]
         found._choose(np.array([0]), 1e-9)
         for least in (floats, exact_margin(found, 0)[0]):
             assert margin - 1e-8 * abs(margin) <= least <= margin
@@ -744,12 +752,11 @@ def test_which_systems_are_tried_again_with_the_rank_by_entries(monkeypatch: pyt
     given = np.array([0.5, 0.25, 0.0, -1.0, -np.inf, np.nan, 1.0])
     monkeypatch.setattr(found, "_most_ranks", ranks)
     monkeypatch.setattr(found, "_squares", squares)
-    monkeypatch.setattr(found, "_enclosed", lambda shown: given if len(shown) == 2 else 0 * given)
-    margins, caps = found.proved(quick=True)
+    monkeypatch.setattr(found, "_enclosed", lambda shown: (given if len(shown) == 2 else 0 * given, None))
+    margins = found.proved()
     assert tried[0] == ([0, 1, 3, 4, 5, 6], [[0, 0], [0, 1], [0, 0], [0, 0], [0, 0], [1, 2]])
     assert tried[1] == ([2, 4], [[2, 0], [1, 1]])
     np.testing.assert_array_equal(margins, given)
-    assert np.isinf(caps).all()
 
 
 def test_what_floats_do_not_show_is_tried_in_rational_numbers_with_ever_larger_pivots(
@@ -766,7 +773,10 @@ def test_what_floats_do_not_show_is_tried_in_rational_numbers_with_ever_larger_p
         asked[leaf] += 1
         return (0.5, 8.0) if asked[leaf] > wanted.get(leaf, 9) else (-1.0, 4.0)
 
-    monkeypatch.setattr(found, "_enclosed", lambda _: np.array([0.5, 0.0, -np.inf, np.nan]))
+    first, none = np.array([0.5, 0.0, -np.inf, np.nan]), np.full(4, np.inf)
+    found.more, found.basis, found.basis_E, found.columns = np.zeros((2, 4), int), found.used, found.used_E, found.alive
+    monkeypatch.setattr(found, "_enclosed", lambda _: (-none, none))
+    monkeypatch.setattr(found, "_asked", lambda _: str(len(done)))  # another question each time
     monkeypatch.setattr(found, "_squares", lambda _: [])
     monkeypatch.setattr(found, "_most_ranks", lambda some, by_entries=False: np.full((len(some), 2), 9))
     monkeypatch.setattr(found, "_use", lambda v: done.append(v is found.stated_v))
@@ -774,7 +784,7 @@ def test_what_floats_do_not_show_is_tried_in_rational_numbers_with_ever_larger_p
     monkeypatch.setattr(found, "_solve_again", lambda some, least: done.append(("solve", some.tolist(), least)))
     monkeypatch.setattr(leaves, "exact_margin", exact)
     monkeypatch.setattr(leaves, "in_time", lambda until: done.append(until))
-    margins, caps = found.proved(quick=False)
+    margins, caps = found.more_exactly(first, np.inf)
     assert done == [
         True, ("choose", [1, 2], 1e-9), *[np.inf] * 3,
         ("solve", [2, 3], 1e-9), ("choose", [2], 1e-9), *[np.inf] * 2,
@@ -783,10 +793,6 @@ def test_what_floats_do_not_show_is_tried_in_rational_numbers_with_ever_larger_p
     ]  # fmt: skip
     assert margins.tolist() == [0.5, 0.5, 0.5, -1]
     assert caps.tolist() == [np.inf, 8, 8, np.inf]  # of what is not proved there is none
-    done.clear()
-    monkeypatch.setattr(found, "_enclosed", lambda _: np.ones(4))
-    assert found.proved(quick=False)[0].tolist() == [1, 1, 1, 1]
-    assert done == []
 
 
 @pytest.mark.parametrize(
@@ -817,7 +823,7 @@ def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
     found.rows.value[0, n + 3], found.unit[0] = 2.0, 2.0
     found.rows = replace(found.rows, energy=mask(2, 0), first=mask(2, 1))
     found.y, found.b, found.put_in = np.array([1.0, 2.0]), np.array([1.0, -0.25]), np.array(put_in)[:, None]
-    found.v = np.array([[0, -0.5, 0, 0, 0, 0, 9.0], np.zeros(7)])
+    found.v, found.columns = np.array([[0, -0.5, 0, 0, 0, 0, 9.0], np.zeros(7)]), found.alive
     found.h[6], found.F[1, 9] = -1.0, -0.25  # of a force in (1) along y, which is left out by half of it
     change = np.array([0.125, 0.25, 0, 0.0625, 0, 0, 0, 0, 9.0])
     asked: list[Array] = []
@@ -830,7 +836,7 @@ def test_a_margin_is_less_by_all_that_multipliers_may_be_off(
         places = np.array([np.arange(9), [*[16] * 2, *range(9, 16)]])
         square = SimpleNamespace(places=places, leaves=np.arange(2), solution=lambda _: np.zeros((2, 9)), bound=bound)
         given = found.v.copy()
-        out = found._enclosed([square])  # type: ignore[list-item]
+        out = found._enclosed([square])[0]  # type: ignore[list-item]
         found.v = given
         return out
 
@@ -885,6 +891,134 @@ def test_what_is_left_over_is_bounded_by_motions_up_to_a_cap(
 ) -> None:
     found = two_rows(share, column)
     assert exact_margin(found, 0) == pytest.approx((margin, cap), rel=1e-8)
+    by_floats = np.ravel(by_square(found))
+    assert by_floats == pytest.approx((margin, cap if margin > 0 else 0.0), rel=1e-6)
+    assert (by_floats <= (margin, cap)).all()
+
+
+def by_square(found: LeafSystems) -> tuple[Array, Array]:
+    """Margins and caps in floating point, with the rows and columns that are chosen."""
+    found.more = np.zeros((2, len(found.count)), dtype=np.int64)
+    fits = found._summed(found.basis.astype(np.int64)) + found.basis_E.sum(axis=1) == found.columns.sum(axis=1)
+    with np.errstate(all="ignore"):
+        return found._enclosed(found._squares(np.flatnonzero(fits)))
+
+
+def test_what_is_0_but_for_rounding_may_be_left_over_in_floats() -> None:
+    """In a motion it needs a cap, and what is no motion it may not be in; rational numbers are asked what it is."""
+    none = -np.inf, np.inf
+    margin, cap = by_square(two_rows(1e-300, 1))
+    assert margin == pytest.approx(1)
+    assert 1e12 < cap[0] < 1e16 < exact_margin(two_rows(1e-300, 1), 0)[1]
+    assert np.ravel(by_square(two_rows(1e-300, 12))).tolist() == [*none]
+    assert np.ravel(by_square(two_rows(0.0, 1, right=-1.0))).tolist() == [pytest.approx(-1), np.inf]
+
+
+@pytest.mark.parametrize("family", ["any", "soft", "fingers"])
+def test_floats_claim_no_more_than_rational_numbers_of_what_is_left_over(family: str) -> None:
+    """Of leaves with multipliers of any sign, and of the same as inequalities, with one column left out, in turn."""
+    kinds: list[str] = []
+    for found, leaf in shown(family, 22):
+        basis, columns = found.basis.copy(), found.columns.copy()
+        for row in np.flatnonzero(basis[found.rows.start[leaf] : found.rows.start[leaf + 1]])[:2]:
+            for column in np.flatnonzero(columns[leaf]):
+                found.basis, found.columns = basis.copy(), columns.copy()
+                found.basis[found.rows.start[leaf] + row] = found.columns[leaf, column] = False
+                for either in (True, False):
+                    found.rows.either[:] = either
+                    margin, cap = (x[leaf] for x in by_square(found))
+                    exact = exact_margin(found, leaf)
+                    if cap == 0:
+                        kinds.append("never")
+                        assert exact[0] == -np.inf
+                    elif margin > -np.inf:
+                        kinds.append("shown" if margin > 0 else "too little")
+                        assert margin <= exact[0] + 1e-8 * (1 + abs(exact[0]))  # of what slack takes
+                        assert cap <= exact[1] * (1 + 1e-8) or margin <= 0
+        found.basis, found.columns = basis, columns
+        found.rows.either[:] = True
+    assert {*kinds} == {"never", "shown", "too little"}
+    assert kinds.count("shown") > 20
+
+
+NONE = np.inf
+
+
+@pytest.mark.parametrize(
+    ("exact", "cap", "exactly", "wanted"),
+    [
+        ([8, 90, 400, 7], NONE, [3, 0], [8, 50, 200, 7]),  # what floats do not show comes first
+        ([8, 90, 400, 4], NONE, [3], [5, 50, 200, 4]),
+        ([8, 90, 400, 7], 5.0, [3], [5, 50, 200, 7]),
+        ([8, 90, 400, NONE], NONE, [3, 0], [8, 50, 200, NONE]),
+        ([NONE, 60, 400, NONE], NONE, [3, 0, 1], [NONE, 60, 200, NONE]),
+        ([NONE] * 4, NONE, [3, 0, 1, 2], [NONE] * 4),
+        ([-1, 90, 400, NONE], NONE, [3, 0], [5, 50, 200, NONE]),  # where that fails floats have said enough
+    ],
+)
+def test_caps_that_another_leaf_makes_good_enough_are_those_of_floats(
+    exact: list[float], cap: float, exactly: list[int], wanted: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Floats show leaves 0, 1 and 2 up to 5, 50 and 200 N, and of 3 nothing; of 4 that nothing near it is a proof."""
+    found, asked = walls_of([1] * 5), list[int]()
+
+    def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
+        asked.append(leaf)
+        return (0.25, exact[leaf]) if exact[leaf] > 0 else (-1.0, np.inf)
+
+    by_floats = np.array([0.5, 0.5, 0.5, -np.inf, -np.inf]), np.array([5, 50, 200, np.inf, 0])
+    monkeypatch.setattr(found, "_enclosed", lambda _: by_floats)
+    monkeypatch.setattr(leaves, "exact_margin", exact_margin)
+    margins, caps = judged_exactly(found, cap)
+    assert asked == exactly
+    assert caps.tolist() == [*wanted, np.inf]
+    assert margins.tolist() == [*(0.25 if k in asked and exact[k] > 0 else 0.5 for k in range(4)), -np.inf]
+
+
+def judged_exactly(found: LeafSystems, cap: float) -> tuple[Array, Array]:
+    with np.errstate(all="ignore"):
+        found.proved()
+        return found.more_exactly(np.full(len(found.count), -np.inf), cap)
+
+
+def test_what_failed_in_rational_numbers_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless what it depends on has changed: basis, columns, or multipliers outside the basis."""
+    found = systems(0, either=True)
+    with np.errstate(all="ignore"):
+        found.proved()
+    found._use(found.stated_v)
+    leaf = int(np.flatnonzero(found._summed(found.basis.astype(int)) * found.used_E.any(axis=1) > 1)[0])
+    own = np.arange(found.rows.start[leaf], found.rows.start[leaf + 1])
+    inside, outside = own[found.basis[own]][0], own[0]
+    found.basis[outside], tie = outside == inside, int(np.flatnonzero(found.used_E[leaf])[0])
+    found.basis[inside], found.basis_E[leaf] = True, False
+
+    def changed(place: Any, index: Any, value: Any) -> bool:
+        before, place[index] = place[index].copy(), value
+        again = found._asked(leaf)
+        place[index] = before
+        return again != asked
+
+    asked = found._asked(leaf)
+    assert asked == found._asked(leaf) != found._asked(leaf + 1)
+    assert not changed(found.y, inside, 2 * found.y[inside] + 1)
+    assert changed(found.basis, inside, False)
+    assert changed(found.v, (leaf, tie), 2 * found.v[leaf, tie] + 1)
+    assert changed(found.basis_E, (leaf, tie), True)
+    column = int(np.flatnonzero(found.columns[leaf])[0])
+    assert changed(found.columns, (leaf, column), False)
+    found.basis_E[leaf, tie] = True
+    asked = found._asked(leaf)
+    assert not changed(found.v, (leaf, tie), 2 * found.v[leaf, tie] + 1)
+    tried: list[int] = []
+    monkeypatch.setattr(
+        found, "_enclosed", lambda _: (np.full(len(found.count), -np.inf), np.full(len(found.count), np.inf))
+    )
+    monkeypatch.setattr(found, "_choose", lambda *_: None)
+    monkeypatch.setattr(found, "_solve_again", lambda *_: None)
+    monkeypatch.setattr(leaves, "exact_margin", lambda _, leaf: tried.append(leaf) or (-1.0, np.inf))
+    found.more_exactly(np.full(len(found.count), -np.inf), np.inf)
+    assert tried == list(range(len(found.count)))
 
 
 def test_what_shows_nothing_in_rational_numbers() -> None:
@@ -919,7 +1053,7 @@ def test_efforts_are_put_in_where_any_row_knows_them(of_f: float, of_c: float) -
     assert found.F[:, [7, 13]].tolist() == [[0.75, 0], [-0.75, 0]]
     assert found.touches[0].tolist() == mask(14, 7).tolist()
     assert (found.unit.tolist(), found.largest.tolist(), found.b.tolist()) == ([4, 4], [0.75, 0.75], [0.75, 0])
-    assert found.proved(quick=True)[0] == pytest.approx(1)
+    assert found.proved() == pytest.approx(1)
     found._use(found.stated_v)
     found._choose(np.array([0]), 1e-9)
     assert exact_margin(found, 0) == (pytest.approx(1), np.inf)

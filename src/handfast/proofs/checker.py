@@ -73,13 +73,21 @@ def verify(
             if 0 < right.scale < MIN_FORCE_SCALE:
                 raise BadCertificate(TOO_SMALL)
             margins, caps = np.full(leaves, -np.inf), np.full(leaves, np.inf)
-            for begin in range(0, len(asked), LEAF_BATCH):
-                some = asked[begin : begin + LEAF_BATCH]
+
+            def systems(some: Integers) -> LeafSystems:
                 in_time(until)
-                systems = LeafSystems(equations, right, checked_rows(c, cases, some), until)
-                margins[some], caps[some] = systems.proved(quick)
+                return LeafSystems(equations, right, checked_rows(c, cases, some), until)
+
+            for some in _batches(asked):
+                made = systems(some)
+                margins[some] = made.proved()
                 if quick and not (margins[some] > 0).all():
                     break
+            left = asked[~(margins[asked] > 0)]
+            if len(left) and not quick:
+                for some in _batches(left if len(asked) > LEAF_BATCH else asked):
+                    made = systems(some) if len(asked) > LEAF_BATCH else made
+                    margins[some], caps[some] = made.more_exactly(margins[some], caps.min())
     except BadCertificate as fault:
         return Checked(False, leaves, -np.inf, str(fault))
     except Late:
@@ -91,6 +99,10 @@ def verify(
     return Checked(
         not len(bad), leaves, float(margins[asked].min(initial=np.inf)), reason, tuple(bad.tolist()), capped, limit
     )
+
+
+def _batches(leaves: Integers) -> list[Integers]:
+    return [leaves[k : k + LEAF_BATCH] for k in range(0, len(leaves), LEAF_BATCH)]
 
 
 def checked_rows(c: Certificate, cases: Integers, leaves: Integers) -> CitedRows:

@@ -22,7 +22,7 @@ y as rounded numbers, and v follows from it by least squares. Multipliers w = (y
   to be independent. Mostly all others cancel exactly, too. Where columns depend on each other only but for rounding
   (points on a circle, parallel walls), what is left in the others is multiplied by a motion, or by a force of a
   contact, which is no larger than its motion. The margin then allows for motions up to a *cap* only, see
-  `Equations.reach`.
+  `Equations.reach`. Once one leaf has a cap, floating point does for all that it shows up to there.
 
 All of F, b, E, h but grasp map and Jacobian are floating-point numbers taken as they are, see `rows.row_values`.
 Rounding is bounded from above: a sum of k products is wrong by at most k ulp of the sum of sizes, and `error` is four
@@ -51,7 +51,6 @@ WEIGHT_CUTOFFS = (1e-11, 1e-13)
 # of scaled rows: pivots that are smaller do not count; where that shows nothing
 PIVOT_TOLERANCE, COARSE_PIVOTS = 1e-9, (1e-6, 1e-4)
 SUM_INFLATION = 1 + 1e-9  # rounds sums of bounds up
-CHUNK = 128  # systems inverted at a time
 GROUP_COST = 1e5  # what a group of systems costs, as padding of n systems from side a to b costs n (b^3 - a^3)
 
 
@@ -127,8 +126,8 @@ class LeafSystems:
         self.unit = power_near(most)
         self.F /= self.unit[:, None]
         self.put_in /= self.unit[:, None]
-        self.largest = most / self.unit
-        self.E, self.E_touches, self.E_largest = E, E_size > 0, E_size.max(axis=1, initial=0.0)
+        self.largest, self.size = most / self.unit, size / self.unit[:, None]
+        self.E, self.E_size, self.E_touches, self.E_largest = E, E_size, E_size > 0, E_size.max(axis=1, initial=0.0)
         self.which = rows.which
         self.b, self.h = rows.right / self.unit, side.h / q.unit
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
@@ -192,20 +191,17 @@ class LeafSystems:
 
     # --- which rows and columns make the square system
 
-    def proved(self, quick: bool) -> tuple[Array, Array]:
-        """(L,) y b + v h less the slack, relative to its terms, positive is a proof; (L,) [N] the cap it needs, or inf.
-
-        quick: in floating point, or not at all.
+    def proved(self) -> Array:
+        """(L,) y b + v h less the slack, relative to its terms, in floating point; positive is a proof.
 
         Raises:
             Late: until [s] of `time.monotonic` is over.
         """
         L = len(self.count)
-        self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
+        self._begin()
         self._leave_out_one()
         many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
         alive = self.alive.sum(axis=1)
-        self.more = np.zeros((2, L), dtype=np.int64)
         square = (many - 1 == alive) | (alive == 0)
         ragged = np.flatnonzero(~square)
         rank = many - 1  # no less than the rank of what is used; all but one of the rows, where nothing better is known
@@ -222,22 +218,64 @@ class LeafSystems:
             some, rank = some[better], counted[better]
             self.more[:, some] = alive[some] - rank, many[some] - 1 - rank
             squares += self._squares(some)
-        margins, caps = self._enclosed(squares), np.full(L, np.inf)
-        gap = np.abs(self.equations.grasp.gaps).max()
-        if not quick and not (margins > 0).all():
-            self._use(self.stated_v)
+        return self._enclosed(squares)[0]
+
+    def more_exactly(self, margins: Array, cap: float) -> tuple[Array, Array]:
+        """(L,) margins, of `proved` where that shows something; (L,) [N] the caps that they need, or inf.
+
+        In independent rows and columns. Floating point does not know what is 0 in the others, and shows a leaf up to a
+        cap. Where that is no lower than a cap that another leaf needs, it will do: all hold up to the least.
+
+        Args:
+            margins: of `proved`.
+            cap: [N] that leaves elsewhere need.
+
+        Raises:
+            Late: until [s] of `time.monotonic` is over.
+        """
+        margins, caps = margins.copy(), np.full(len(margins), np.inf)
+        self._use(self.stated_v)
+        self._begin()
+        by_floats, tried = np.zeros(len(margins), dtype=bool), set[bytes]()
         for least, again in ((PIVOT_TOLERANCE, False), (PIVOT_TOLERANCE, True), *((x, True) for x in COARSE_PIVOTS)):
             failed = np.flatnonzero(~(margins > 0))
-            if quick or not len(failed):
+            if not len(failed):
                 break
             if again:
                 self._solve_again(failed, least)
             self._choose(failed[self.alive[failed].any(axis=1)], least)
-            for k in failed.tolist():
+            chosen = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
+            found = self._enclosed(self._squares(failed[(chosen == self.columns.sum(axis=1))[failed]]))
+            margins[failed], caps[failed] = (x[failed] for x in found)
+            by_floats |= found[0] > 0
+            for k in failed[~(margins[failed] > 0) & (caps[failed] > 0)].tolist():
                 in_time(self.until)
-                margins[k], caps[k] = exact_margin(self, k)
-        margins = np.where(caps < gap, -np.inf, margins)
+                if (asked := self._asked(k)) not in tried:
+                    margins[k], caps[k] = exact_margin(self, k)
+                tried.add(asked)
+        cap = min(cap, float(caps[~by_floats & (margins > 0)].min(initial=np.inf)))
+        some = np.flatnonzero(by_floats)
+        for k in some[np.argsort(caps[some], kind="stable")].tolist():
+            if caps[k] < cap:
+                in_time(self.until)
+                exact = exact_margin(self, k)
+                if exact[0] > 0:
+                    margins[k], caps[k] = exact
+            cap = min(cap, caps[k])
+        margins = np.where(caps < np.abs(self.equations.grasp.gaps).max(), -np.inf, margins)
         return margins, np.where(margins > 0, caps, np.inf)
+
+    def _begin(self) -> None:
+        """Without a choice: all rows that count, and all unknowns that they touch."""
+        self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
+        self.more = np.zeros((2, len(self.count)), dtype=np.int64)
+
+    def _asked(self, leaf: int) -> bytes:
+        """What `exact_margin` depends on, of one leaf."""
+        own = slice(self.rows.start[leaf], self.rows.start[leaf + 1])
+        y = np.where(self.basis[own] & (self.y[own] > 0), -1.0, self.y[own])
+        v = np.where(self.basis_E[leaf], np.inf, self.v[leaf])
+        return b"".join(x.tobytes() for x in (np.array([leaf]), y, v, self.columns[leaf]))
 
     def _squares(self, leaves: Integers) -> list[Square]:
         """The square systems of leaves."""
@@ -437,8 +475,11 @@ class LeafSystems:
         """(R+p+1,) the row of `every` that each of (F, E, 0) is, leaf by leaf."""
         return np.append(self.which, len(self.F) + np.arange(len(self.E) + 1))
 
-    def _enclosed(self, squares: list[Square]) -> Array:
-        """(L,) margins by the square systems; -inf where these show nothing."""
+    def _enclosed(self, squares: list[Square]) -> tuple[Array, Array]:
+        """(L,) margins by the square systems, -inf where these show nothing; (L,) [N] caps, for columns they lack.
+
+        Where no multipliers near a leaf's will do, the cap is 0.
+        """
         L, R, p = len(self.count), len(self.which), len(self.E)
         either, put_in, b = self.rows.either, self.put_in[self.which], self.b[self.which]
         w = np.concatenate([self.y, self.v.ravel(), [0.0]])
@@ -454,8 +495,8 @@ class LeafSystems:
             change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
         change_y, change_v = change[:R], change[R:-1].reshape(L, p)
 
-        good = (y >= change_y) | either
-        sound &= self._summed((~good).astype(np.int64)) == 0
+        below, surely = (self._summed(((x < 0) & ~either).astype(np.int64)) for x in (y - change_y, y + change_y))
+        good, never = sound & (below == 0), sound & (surely > 0)
         unit, solved, size = self.equations.unit, self.equations.solved[0], np.abs(v)
         size_in = np.abs(put_in)
         v[:, solved], size[:, solved] = self._summed(y[:, None] * put_in), self._summed(np.abs(y)[:, None] * size_in)
@@ -473,7 +514,17 @@ class LeafSystems:
         energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / row_unit) * self.side.energy
         value -= (slack + energy) * SUM_INFLATION + self.side.grown(grows, pushes)
         margins = np.where(terms > 0, value / np.maximum(terms, 1e-300), -np.inf)
-        return np.where(sound & np.isfinite(margins), margins, -np.inf)
+        others, caps = self.alive & ~self.columns, np.full(L, np.inf)
+        if others.any():
+            off = bound[:, None] + self._summed(change_y[:, None] * self.size[self.which]) + change_v @ self.E_size
+            rest, off = (np.where(others, x, 0.0) / self.equations.scale for x in (rest, off * SUM_INFLATION))
+            weight = np.maximum(2 * self.equations.reach(rest, off), 1e-300)
+            caps = np.where(others.any(axis=1), value / weight * (1 - 1e-9), np.inf)
+            unbounded = others & ~self.equations.reached
+            never |= sound & (unbounded & (np.abs(rest) > off)).any(axis=1)
+            good &= ~unbounded.any(axis=1)
+        margins = np.where(good & np.isfinite(margins), margins, -np.inf)
+        return margins, np.where(never, 0.0, np.where(margins > 0, caps, np.inf))
 
 
 class Square:
@@ -554,11 +605,7 @@ def _groups(leaves: Integers, size: Integers) -> list[Integers]:
         if (first[k] - begin) * (sizes[k] ** 3 - sizes[k - 1] ** 3) > GROUP_COST:
             begin = int(first[k])
             ends.append(begin)
-    return [
-        leaves[k : min(k + CHUNK, end)]
-        for begin, end in pairwise([*ends, len(leaves)])
-        for k in range(begin, end, CHUNK)
-    ]
+    return [leaves[k:end] for k, end in pairwise([*ends, len(leaves)]) if k < end]
 
 
 def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integers:
