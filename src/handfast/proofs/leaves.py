@@ -237,11 +237,11 @@ class LeafSystems:
         self._use(self.stated_v)
         self._begin()
         by_floats, tried = np.zeros(len(margins), dtype=bool), set[bytes]()
-        for least, again in ((PIVOT_TOLERANCE, False), (PIVOT_TOLERANCE, True), *((x, True) for x in COARSE_PIVOTS)):
+        for least in (PIVOT_TOLERANCE, *COARSE_PIVOTS):
             failed = np.flatnonzero(~(margins > 0))
             if not len(failed):
                 break
-            if again:
+            if least > PIVOT_TOLERANCE:
                 self._solve_again(failed, least)
             self._choose(failed[self.alive[failed].any(axis=1)], least)
             chosen = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)

@@ -165,6 +165,8 @@ def known(q: Question, rows: LeafRows) -> Mask:
 def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) -> Mask:
     """(R,) bool: is each row, all `known`, true of every state in the case (L, m+a, 3) of its leaf?"""
     m, kind, a, b = q.grasp.m, rows.kind, rows.a, rows.b
+    if not len(kind):
+        return np.zeros(0, dtype=bool)
     of_contact, of_actuator = OF_CONTACT[kind], OF_ACTUATOR[kind]
     index = np.where(of_contact | of_actuator, rows.index, 0)
     part = np.where(of_actuator, m + index, np.where(of_contact, index, 0))
@@ -290,6 +292,8 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
     kind, index, count = rows.kind, rows.index, len(rows.kind)
     cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
     value, right = np.zeros((count, at.n + 3 * m + a + 1 + len(q.grasp.soft))), np.zeros(count)
+    if not count:
+        return value, right
     Ua, Ub = directions(rows.a), directions(rows.b)
     both = 1.0 + (Ua * Ub).sum(axis=1)
     mu = np.append(q.grasp.mu, 0.0)[np.where(OF_CONTACT[kind], index, m)]
