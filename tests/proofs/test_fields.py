@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flint import arb, fmpq
+from flint import fmpq
 
 from handfast.proofs.fields import (
     EQUALITY_TOLERANCE,
@@ -17,12 +17,10 @@ from handfast.proofs.fields import (
     Fields,
     cross,
     dot,
-    exact,
     floats,
     not_zero,
     number,
     numbers,
-    product,
     rational,
     rationals,
     refuse_unknown,
@@ -415,18 +413,3 @@ def test_what_is_not_zero_never_becomes_zero() -> None:
     assert floats(table).tolist() == [[0, 0.25], [0, -2]]
     assert floats(table, not_zero).tolist() == [[5e-324, 0.25], [0, -2]]
     assert floats([ZERO]).dtype == np.float64
-
-
-def test_products_of_floats_of_rational_numbers_and_of_balls() -> None:
-    """(1 2; 3 4)(5; 6) = (17; 39), thirds of it exactly, and of balls what contains all products."""
-    a, b = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[5.0], [6.0]])
-    assert product(a, b).tolist() == [[17], [39]]
-    third = np.array([[fmpq(1, 3), fmpq(2, 3)], [1, fmpq(4, 3)]], dtype=object)
-    assert product(third, exact(b)).tolist() == [[fmpq(17, 3)], [13]]
-    balls = np.array([[arb(int(x), 0.5) for x in row] for row in a], dtype=object)
-    (first,), (second,) = product(balls, exact(b)).tolist()
-    assert first.contains(arb(17, 5.5))
-    assert second.contains(arb(39, 5.5))
-    assert first.rad() < 5.6
-    for kind in (float, object):
-        assert product(np.zeros((2, 0), dtype=kind), np.zeros((0, 3), dtype=kind)).tolist() == [[0, 0, 0]] * 2

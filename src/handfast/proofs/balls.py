@@ -76,7 +76,7 @@ class Balls:
                 return near
         for _ in range(NEWTON_ROUNDS):
             *_, K, value = self.at(x)
-            step = (self.derivative(K) * arb_mat(C.tolist())).solve(arb_mat(value[:, None].tolist()), algorithm="approx")
+            step = (self.derivative(K) * arb_mat(C.tolist())).solve(arb_mat(value[:, None].tolist()))
             x = middle(x - C @ np.array(step.entries()))
         return x
 

@@ -11,7 +11,7 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from flint import arb, arb_mat, fmpq, fmpq_mat
+from flint import fmpq
 from numpy.typing import NDArray
 
 from handfast.proofs.strict_json import MAX_JSON_NUMBER as MAX_JSON_NUMBER
@@ -223,14 +223,6 @@ def cross(a: Sequence[fmpq], b: Sequence[fmpq]) -> list[fmpq]:
 def dot(a: Iterable[fmpq], b: Iterable[fmpq]) -> fmpq:
     """a . b."""
     return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
-
-
-def product(a: Array, b: Array) -> Array:
-    """(k, n) of a (k, m) and b (m, n), of floats, or of rational numbers or balls: these by FLINT, numpy takes long."""
-    if a.dtype != object or not a.size or not b.size:
-        return np.asarray(a @ b)
-    matrix = arb_mat if isinstance(a[0, 0], arb) else fmpq_mat
-    return np.array((matrix(a.tolist()) * matrix(b.tolist())).tolist(), dtype=object)
 
 
 def rounded(x: fmpq) -> float:

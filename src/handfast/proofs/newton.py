@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from flint import fmpq, fmpq_mat, fmpz_mat, nmod_mat
 
-from handfast.proofs.fields import Array, Integers, Mask, exact, product
+from handfast.proofs.fields import Array, Integers, Mask, exact
 from handfast.proofs.states import ContactMode, Laws, Modes, Numbers, Part, Problem, Rows, State
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
 
@@ -123,7 +123,7 @@ class ModeEquations:
         B, nv, n = M[self.p.grasp.contact_rows[self.modes.closed]], M.shape[1], len(self.unknown)
         KB = K @ B
         A = np.zeros((nv + len(self.kept) + len(self.full), nv + n + self.sought), dtype=M.dtype)
-        A[:nv, :nv] = product(B.reshape(-1, nv).T, KB.reshape(-1, nv))
+        A[:nv, :nv] = B.reshape(-1, nv).T @ KB.reshape(-1, nv)
         A[:nv, nv : nv + n] = M[self.unknown].T
         if self.sought:
             A[:6, -1] = along
