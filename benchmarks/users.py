@@ -13,6 +13,7 @@ nothing of them is known yet.
   load, which it resists: in one call of `check_many` for all (`batch`), and by `prepare` one by one (`alone`);
 - `next`: a prepared grasp under a load that changes slowly and holds (judged by the equations, or with its exact state
   proved: `next proved`), or slips (with its proof replayed); medians of each grasp;
+- `bundled`: largest pulls of the bundled grasps along the axes, one by one, proofs replayed;
 - `dense`: six maxima of a grasp of 8 to 12 contacts, one by one, proofs not replayed;
 - `torques`: the least commands for a random load, with their proof replayed, and for Table II's wrenches on its two
   grasps of six contacts; with `--published FOLDER` (`handfast import ... --mass 0.1 -o FOLDER`) for the weight of
@@ -43,6 +44,7 @@ import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,6 +70,7 @@ from handfast.stability.search.load_rows import BatchSearch, Template
 
 RESULTS = Path(__file__).parent / "results" / "users.json"
 HERE = Path(__file__).parents[1]
+BUNDLED = Path(str(files("handfast") / "data" / "grasps"))
 FIRST = 7_700_000  # seeds from here on
 SHARE = 0.3  # of the largest load: what a prepared grasp holds; it slips under the largest over this
 STEPS = 40  # of a changing load
@@ -254,6 +257,18 @@ def dense(m: int, wrapped: bool) -> Callable[[int], Measured]:
     return ask
 
 
+def bundled(count: int) -> Measured:
+    """Maxima along the axes of the first bundled grasps, one by one, each with its proof replayed."""
+    out = Measured([], [])
+    for file in sorted(BUNDLED.glob("*.json"))[:count]:
+        grasp = load_grasp(file)
+        for w in np.eye(6)[:3]:
+            found, spent = timed(partial(maximum, grasp, w, settings=Settings(jobs=1, timeout=20.0)))
+            out.seconds.append(spent)
+            out.answers.extend(said(found))
+    return out
+
+
 def least_commands(questions: Iterable[tuple[Grasp, Array]]) -> Measured:
     """`torques` of each, one by one; loads that no forces at the contacts balance are none."""
     out = Measured([], [])
@@ -321,6 +336,7 @@ FAMILIES: dict[str, Family] = {
     },
     **{f"next proved, {m} contacts": Family(next_loads(m, Verdict.HOLDS, FEW, proved=True), 2.5) for m in (3, 5)},
     **{f"next slips, {m} contacts": Family(next_loads(m, Verdict.SLIPS, DENSE, proved=True), 5.0) for m in (3, 4)},
+    "bundled": Family(bundled, 100.0),
     "dense, 8 contacts": Family(dense(8, False), 60.0),
     "dense, 10 contacts": Family(dense(10, True), 60.0),
     "dense, 12 contacts": Family(dense(12, True), 60.0),
