@@ -944,22 +944,28 @@ NONE = np.inf
 
 
 @pytest.mark.parametrize(
-    ("exact", "cap", "exactly", "wanted"),
+    ("exact", "cap", "gap", "exactly", "wanted"),
     [
-        ([8, 90, 400, 7], NONE, [3, 0], [8, 50, 200, 7]),  # what floats do not show comes first
-        ([8, 90, 400, 4], NONE, [3], [5, 50, 200, 4]),
-        ([8, 90, 400, 7], 5.0, [3], [5, 50, 200, 7]),
-        ([8, 90, 400, NONE], NONE, [3, 0], [8, 50, 200, NONE]),
-        ([NONE, 60, 400, NONE], NONE, [3, 0, 1], [NONE, 60, 200, NONE]),
-        ([NONE] * 4, NONE, [3, 0, 1, 2], [NONE] * 4),
-        ([-1, 90, 400, NONE], NONE, [3, 0], [5, 50, 200, NONE]),  # where that fails floats have said enough
+        ([8, 90, 400, 7], NONE, 0, [3, 0], [8, 50, 200, 7]),  # what floats do not show comes first
+        ([8, 90, 400, 4], NONE, 0, [3], [5, 50, 200, 4]),
+        ([8, 90, 400, 7], 5.0, 0, [3], [5, 50, 200, 7]),
+        ([8, 90, 400, NONE], NONE, 0, [3, 0], [8, 50, 200, NONE]),
+        ([NONE, 60, 400, NONE], NONE, 0, [3, 0, 1], [NONE, 60, 200, NONE]),
+        ([NONE] * 4, NONE, 0, [3, 0, 1, 2], [NONE] * 4),
+        ([-1, 90, 400, NONE], NONE, 0, [3, 0], [5, 50, 200, NONE]),  # where that fails floats have said enough
+        ([8, 90, 400, 7], NONE, 8, [3, 0], [8, 50, 200, 0]),  # with a cap below the gap nothing is proved
+        ([7, 90, 400, 7], NONE, 60, [3, 0, 1], [0, 90, 200, 0]),
+        ([9, 90, 400, 60], 5.0, 8, [3, 0], [9, 50, 200, 60]),
     ],
 )
 def test_caps_that_another_leaf_makes_good_enough_are_those_of_floats(
-    exact: list[float], cap: float, exactly: list[int], wanted: list[float], monkeypatch: pytest.MonkeyPatch
+    exact: list[float], cap: float, gap: float, exactly: list[int], wanted: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Floats show leaves 0, 1 and 2 up to 5, 50 and 200 N, and of 3 nothing; of 4 that nothing near it is a proof."""
     found, asked = walls_of([1] * 5), list[int]()
+    g = found.equations.grasp
+    before = StartData(gap * np.eye(g.m)[1], np.zeros(g.l), np.zeros(g.a))
+    found.equations = replace(found.equations, grasp=g.with_start(before))
 
     def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
         asked.append(leaf)
@@ -970,8 +976,9 @@ def test_caps_that_another_leaf_makes_good_enough_are_those_of_floats(
     monkeypatch.setattr(leaves, "exact_margin", exact_margin)
     margins, caps = judged_exactly(found, cap)
     assert asked == exactly
-    assert caps.tolist() == [*wanted, np.inf]
-    assert margins.tolist() == [*(0.25 if k in asked and exact[k] > 0 else 0.5 for k in range(4)), -np.inf]
+    assert caps.tolist() == [*(x or np.inf for x in wanted), np.inf]
+    shown = (0.25 if k in asked and exact[k] > 0 else 0.5 for k in range(4))
+    assert margins.tolist() == [*(x if w else -np.inf for x, w in zip(shown, wanted, strict=True)), -np.inf]
 
 
 def judged_exactly(found: LeafSystems, cap: float) -> tuple[Array, Array]:
