@@ -22,7 +22,7 @@ from handfast.stability.studies.ask_again import Clock
 from tests.support.labelled import write_lines
 from tests.support.problems import pinch
 
-pytestmark = pytest.mark.usefixtures("asked_once")
+pytestmark = pytest.mark.usefixtures("asked_once", "proved_once")
 LITTLE = Labelling(directions=2, gap=1e-2, gravity=((0, -1.0, 0),))
 
 

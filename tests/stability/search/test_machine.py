@@ -52,8 +52,8 @@ def test_a_new_workspace_keeps_no_working_set() -> None:
 def answers() -> list[tuple[float, float, int]]:
     """Of grasps with one worker and with two, many directions together, limits and uncertain normals."""
     out = []
-    for seed in range(8):
-        s = solved(seed, 3 + seed % 4, 0.05 * (seed % 2))
+    for seed in range(4):
+        s = solved(seed, 3 + seed, 0.05 * (seed % 2))
         if s.wrench.any():
             out.append(maximum(s.grasp, s.wrench, limits=GraspLimits(eta=s.eta), settings=Settings(nodes=3000)))
     directions = [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)]

@@ -189,7 +189,7 @@ def test_shapes_of_several_grasps() -> None:
     assert "attained" not in table_
 
 
-MIXED = [solved(seed, 4).grasp for seed in (1, 2, 5, 8)] + [bell(), pinch(), hand(), tendons(bell()), nest()]
+MIXED = [solved(seed, 4).grasp for seed in (1, 8)] + [bell(), pinch(), hand(), tendons(bell()), nest()]
 
 
 @pytest.mark.parametrize("ask", [check_many, max_many])

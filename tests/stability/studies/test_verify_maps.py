@@ -198,7 +198,7 @@ def test_a_bound_for_small_motions_counts_only_where_the_search_was_complete() -
     assert shown.claim == "maxima: 1 claim, some up to virtual motions of 5 N"
 
 
-@pytest.mark.usefixtures("asked_once")
+@pytest.mark.usefixtures("asked_once", "proved_once")
 @pytest.mark.slow
 def test_an_interval_is_asked_again() -> None:
     """Along y of the bell everything up to the largest is resisted; a hole that is none is refused."""

@@ -25,7 +25,7 @@ from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
-from handfast.stability.problem.witness import Witness
+from handfast.stability.problem.witness import VALID, Witness
 from handfast.stability.search import engine
 from handfast.stability.search.proof import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
@@ -71,6 +71,8 @@ ARC_DEGREE = 6  # of arcs, where a straight line does not do
 MIN_RANGE_SHARE = 1e-8  # of the resolution: narrower ranges are not halved
 SWITCH = 1e-14  # relative: contacts and actuators change their modes between two magnitudes as near as this at least
 SHARED_STATE_WIDTH = 1e-8  # relative: so near each other a state may do for both
+# where on an arc its state is judged before a proof is tried, and what it may miss there: many times what is allowed
+JUDGED_AT, MAX_MISSED = 0.375, 10 * VALID
 JOINING_DISTANCE = 1e-6  # relative: so near each other states of different modes may be joined
 NO_FORCE = 1e-9  # (scaled) forces and motions that are none
 MIN_SEARCH_GAP = 1e-6  # relative gap of searches
@@ -220,11 +222,19 @@ class _Magnitudes:
 
     def _arc(self, a: float, b: float, points: list[Array]) -> bool:
         controls = near.controls_of(len(points) - 1) @ np.array(points)
+        inside = near.bernstein(len(points) - 1, np.array([JUDGED_AT]))[0] @ controls
+        if self._missed(a + JUDGED_AT * (b - a), inside) > MAX_MISSED:
+            return False  # most that are none are found here, in a tenth of the time
         arc = Arc(a, b, tuple(stated(self._state(z)) for z in controls))
         if ranges.replayed(self.question, arc)[0]:
             return False
         self.arcs.append(arc)
         return True
+
+    def _missed(self, s: float, z: Array) -> float:
+        """What the state of a point misses at a magnitude, relative to load and commands."""
+        p, w = self.p, self.question.wrench + s * self.question.direction
+        return float(Witness(p.grasp, w, self._state(z), p.limits.eta, p.mdp).residuals.worst)
 
     def _branches(self, a: float, za: Array, b: float, zb: Array) -> bool:
         """Does the state of either end go on to the other, though that was found with another state?"""
