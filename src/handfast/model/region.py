@@ -13,7 +13,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import FaultsOf, InputError, require_positive
 from handfast.core.schema import InFiles, Vector3, written
-from handfast.core.transforms import normal_frame
+from handfast.core.transforms import cross_rows, normal_frame
 from handfast.model.bernstein import (
     differences,
     evaluate,
@@ -93,7 +93,7 @@ class Region(InFiles, ABC):
 
     def normal(self, u: object, v: object) -> Array:
         """(..., 3) outward normal, not normalised: p_u x p_v (2), reversed if flipped."""
-        return self.sign * np.cross(self.at(u, v, 1, 0), self.at(u, v, 0, 1))
+        return self.sign * cross_rows(self.at(u, v, 1, 0), self.at(u, v, 0, 1))
 
     def outward(self, u: object, v: object) -> Array:
         """(..., 3) outward unit normal."""

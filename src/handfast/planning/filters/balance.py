@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.transforms import cross_rows
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.proofs.few_contacts import Held
@@ -218,12 +219,12 @@ def pyramid_wrenches(
 
     points, normals: (K, ..., 3). torsion: [m] of soft fingers; 0 for point contacts.
     """
-    first = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=-1)])
+    first = cross_rows(normals, np.eye(3)[np.abs(normals).argmin(axis=-1)])
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
     one, two, turn = (a.reshape(-1, *[1] * normals.ndim) for a in rim(edges, soft=torsion > 0).T)
-    around = one * first + two * np.cross(normals, first)
+    around = one * first + two * cross_rows(normals, first)
     force = normals + friction * around
-    torque = np.cross((points - center) / size, force) + turn * (torsion / size) * normals
+    torque = cross_rows((points - center) / size, force) + turn * (torsion / size) * normals
     out = np.concatenate([force, torque], axis=-1)
     return np.asarray(np.moveaxis(out, 0, 1).reshape(len(points), -1, 6))
 
