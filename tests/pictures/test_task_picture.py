@@ -20,6 +20,7 @@ from handfast.pictures.drawing import picture
 from handfast.pictures.task_picture import HAND_REGION, OBJECT_REGION, REGION_VIEWS, clearest, draw_task
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible
+from tests.support.holds import grip
 from tests.support.places import FEASIBLE as FEASIBLE_FILE
 
 STORED = json.loads(FEASIBLE_FILE.read_text())["tasks"]
@@ -140,7 +141,7 @@ def test_a_task_alone_shows_hand_and_object_apart_and_the_same_every_time() -> N
 
 
 def test_without_a_mesh_the_regions_are_drawn() -> None:
-    task = load_task("scalpel-upholding")
+    task = grip(0.05)
     first = task.contact_pairs[0]
     ball = Cap(np.array([0.0, 0, 0.02]), 0.01, np.array([0.0, 0, 1]), 1.0)
     bare = replace(task, object=None, contact_pairs=(replace(first, object=ball), *task.contact_pairs[1:]))
@@ -152,7 +153,7 @@ def test_without_a_mesh_the_regions_are_drawn() -> None:
 @pytest.mark.slow
 def test_the_side_of_a_cylinder_is_seen_from_where_its_normals_point() -> None:
     """The front half of a can, not the half behind, but of a hole the half behind alone."""
-    task = load_task("scalpel-upholding")
+    task = grip(0.05)
     seen = {}
     for name, first, flip in (("can", -np.pi / 2, False), ("behind", np.pi / 2, False), ("hole", np.pi / 2, True)):
         angles, towards = (first, first + np.pi), REGION_VIEWS[1].matrix[2]  # about the direction of view

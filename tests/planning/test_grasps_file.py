@@ -154,7 +154,7 @@ def test_verify_prints_what_it_has_proved(saved: Data, tmp_path: Path, capsys: p
     for part in (
         "PROVED  grasps of scalpel-incision",
         "Proved: each load alone is held under one preload; friction 0.5; normals off by up to 1.146°; maximum diss",
-        "thumb_middle carries up to 3; normal forces up to 50 N; commands up to 2",
+        "index_proximal carries up to 3; normal forces up to 50 N; commands up to 2",
         "1.25 × weight",
         "as stated",
         "hand 'schunk-sah' sha256 ",

@@ -94,7 +94,7 @@ def scalpel() -> tuple[Task, Loads]:
 
 @pytest.fixture(scope="module")
 def known(scalpel: tuple[Task, Loads]) -> LoadBound:
-    return bounded(*scalpel, 40)
+    return bounded(*scalpel, 20)
 
 
 @pytest.mark.slow
@@ -113,8 +113,8 @@ def test_no_placement_reaches_the_bound(scalpel: tuple[Task, Loads], known: Load
 @pytest.mark.slow
 def test_loads_and_limits_scale_together(scalpel: tuple[Task, Loads], known: LoadBound) -> None:
     task, loads = scalpel
-    assert bounded(task, loads.scaled(4.0), 40, 4.0).factor == pytest.approx(known.factor, rel=1e-4)
-    assert bounded(task, loads, 40, 2.0).factor == pytest.approx(2 * known.factor, rel=1e-4)
+    assert bounded(task, loads.scaled(4.0), 20, 4.0).factor == pytest.approx(known.factor, rel=1e-4)
+    assert bounded(task, loads, 20, 2.0).factor == pytest.approx(2 * known.factor, rel=1e-4)
 
 
 @pytest.mark.slow

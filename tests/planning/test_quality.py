@@ -161,7 +161,11 @@ def test_the_unit_of_a_command_is_that_of_what_it_drives() -> None:
 
 
 def test_what_the_engine_lets_go_is_not_kept(planned: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    loads = Loads.gravity(planned.body, ["-z", "x"]).scaled(SAFETY)
     asked = replace(planned.asked, options=PlanOptions(safety=SAFETY, simulate=True))
+    assert asked.question != planned.asked.question
+    asked = replace(asked, loads=loads)
+    monkeypatch.setattr(Runner, "measured", lambda _, g, *__: g)  # margins are not asked for
     runner = Runner(asked)
     index = planned.grasps[0].index
     kept = runner.run(index)
@@ -172,4 +176,3 @@ def test_what_the_engine_lets_go_is_not_kept(planned: Plan, monkeypatch: pytest.
     assert not Runner(heavy).simulated(g.grasp, shown)
     monkeypatch.setattr(Runner, "simulated", lambda *_: False)
     assert runner.run(index).tally[RejectionReason.SIMULATED] == 1
-    assert asked.question != planned.asked.question

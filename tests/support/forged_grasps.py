@@ -21,14 +21,14 @@ Data = dict[str, Any]
 Change = Callable[[Data], None]
 # what is said of a witness that is no state: no exact one is near, or that one breaks an inequality of its modes
 NO_STATE = r"(Newton's test fails|of the state that is proved is|is not proved to|is between two modes)"
-LIMITS: dict[str, Any] = {"force_limit": 50.0, "command_limit": 2.0, "torque_limits": {"thumb_middle": 3.0}}
+LIMITS: dict[str, Any] = {"force_limit": 50.0, "command_limit": 2.0, "torque_limits": {"index_proximal": 3.0}}
 
 
 @cache
 def scalpel_grasps() -> Grasps:
-    """For weights and a wrench."""
+    """For the weight and a wrench."""
     body = load_body("scalpel")
-    loads = Loads.gravity(body, ["-z", "-y"]).scaled(1.25) + Loads.wrench([0.1, 0, -0.2, 0, 0.001, 0], "cut")
+    loads = Loads.gravity(body, ["-z"]).scaled(1.25) + Loads.wrench([0.1, 0, -0.2, 0, 0.001, 0], "cut")
     limits = PlanLimits(eta=0.02, **LIMITS)
     return grasp_for(load_task("scalpel-incision"), body, loads, count=2, timeout=120, jobs=1, limits=limits)
 
@@ -190,7 +190,7 @@ FORGED: dict[str, tuple[Change, str]] = {
     "one answer": (_one_word, r"answer\.grasps: has 1 entries for 2 grasps"),
     "none": (at("answer", "verdict", to="none"), "NONE with a grasp"),
     "load": (at("answer", "loads", "gravity -z", 2, to=longer), r"geometry: answer\.loads\.gravity -z\[2\] is"),
-    "said preload": (said("preload", "thumb_middle", to=0.0), r"answer\.preload\.thumb_middle is 0"),
+    "said preload": (said("preload", "index_proximal", to=0.0), r"answer\.preload\.index_proximal is 0"),
     "said largest": (said("upper", to=longer), r"answer\.upper is"),
     "said friction": (said("spare_friction", to=0.9), r"answer\.spare_friction is 0\.9"),
     "said curvature": (said("curvatures", 0, to=longer), r"answer\.curvatures\[0\] is"),
@@ -203,8 +203,8 @@ FORGED: dict[str, tuple[Change, str]] = {
     "other friction": (asked("friction", to=0.6), r"contacts\[0\]\.friction is 0\.5; .* 0\.6"),
     "eta": (asked("eta", to=0.4), rf"grasp 1: gravity -z: .*{NO_STATE}"),
     "torque limit": (
-        asked("torque_limits", "thumb_middle", to=1e-6),
-        "actuator 'thumb_middle' is not proved to keep its limit",
+        asked("torque_limits", "index_proximal", to=1e-6),
+        "actuator 'index_proximal' is not proved to keep its limit",
     ),
     "force limit": (asked("force_limit", to=1e-4), r"contact \d is not proved to keep the force limit"),
     "command limit": (asked("command_limit", to=1e-5), r"is commanded .*; the limit is 1e-05"),
@@ -213,7 +213,7 @@ FORGED: dict[str, tuple[Change, str]] = {
     "centre": (asked("object", "center_of_mass", 0, to=0.0), rf"grasp 1: gravity -z: .*{NO_STATE}"),
     "g": (asked("loads", "gravity -z", "weight", "g", to=1.62), rf"gravity -z: .*{NO_STATE}"),
     "along": (asked("loads", "gravity -z", "weight", "along", to=[0, 0.1, -1]), rf"gravity -z: .*{NO_STATE}"),
-    "safety": (asked("loads", "gravity -y", "weight", "factor", to=2.0), rf"gravity -y: .*{NO_STATE}"),
+    "safety": (asked("loads", "gravity -z", "weight", "factor", to=2.0), rf"gravity -z: .*{NO_STATE}"),
     "wrench": (asked("loads", "cut", "wrench", 0, to=longer), rf"cut: .*{NO_STATE}"),
     "weight and wrench": (_weight_and_wrench, "gravity -z: needs either a wrench or a weight"),
     "no mass": (asked("object", "mass", to=None), "question.object.mass: is null, but a load is its weight"),

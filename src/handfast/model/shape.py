@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -197,26 +197,30 @@ class Shape:
 
     def triangles(self) -> tuple[Array, Faces]:
         """Vertices (n, 3) [m] in the carrier's frame and faces (k, 3), for drawing; curves are faceted."""
-        if self.kind in ("box", "mesh"):
-            local = Shape.hull(self.corners) if self.kind == "box" else self
-            return local.vertices @ self.pose[:3, :3].T + self.pose[:3, 3], local.faces
-        around, up = np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-np.pi / 2, np.pi / 2, 13)
-        u, v = (a.ravel() for a in np.meshgrid(around, up))
-        ball = np.column_stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
-        ends = np.array([[[0, 0, -0.5]], [[0, 0, 0.5]]])
-        s = self.size
-        match self.kind:
-            case "sphere":
-                points = ball * s[0]
-            case "ellipsoid":
-                points = ball * np.array(s)
-            case "capsule":
-                points = (ball * s[0] + ends * s[1]).reshape(-1, 3)
-            case _:
-                rim = ball[np.abs(ball[:, 2]) < 1e-9] * s[0]
-                points = (rim + ends * s[1]).reshape(-1, 3)
-        local = Shape.hull(points.round(12))
+        local = self if self.kind == "mesh" else _faceted(self.kind, self.size)
         return local.vertices @ self.pose[:3, :3].T + self.pose[:3, 3], local.faces
+
+
+@lru_cache(maxsize=256)  # hands are of few sizes, and are read again and again
+def _faceted(kind: Kind, size: tuple[float, ...]) -> Shape:
+    """A solid that is no mesh as one, in its own frame."""
+    if kind == "box":
+        return Shape.hull(Shape(kind, size).corners)
+    around, up = np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-np.pi / 2, np.pi / 2, 13)
+    u, v = (a.ravel() for a in np.meshgrid(around, up))
+    ball = np.column_stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
+    ends = np.array([[[0, 0, -0.5]], [[0, 0, 0.5]]])
+    match kind:
+        case "sphere":
+            points = ball * size[0]
+        case "ellipsoid":
+            points = ball * np.array(size)
+        case "capsule":
+            points = (ball * size[0] + ends * size[1]).reshape(-1, 3)
+        case _:
+            rim = ball[np.abs(ball[:, 2]) < 1e-9] * size[0]
+            points = (rim + ends * size[1]).reshape(-1, 3)
+    return Shape.hull(points.round(12))
 
 
 def refuse_far(points: Array, field: str) -> None:

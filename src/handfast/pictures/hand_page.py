@@ -7,7 +7,7 @@ from pathlib import Path
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import write_bytes, write_text
+from handfast.core.files import refuse_existing, write_bytes, write_text
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegions
@@ -73,6 +73,7 @@ def write_hand(path: str | Path, shown: ShownHand, *, force: bool = False) -> No
     ending = Path(path).suffix.lower()
     if ending not in PICTURE_ENDINGS + PAGES:
         raise InputError(f"a name that ends in {', '.join(PAGES + PICTURE_ENDINGS)} is needed", source=str(path))
+    refuse_existing(path, force=force)
     if ending in PICTURE_ENDINGS:
         write_bytes(path, picture(draw_hand(shown), ending[1:], dpi=PIXELS_PER_INCH), force=force)
     else:

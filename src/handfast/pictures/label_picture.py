@@ -68,7 +68,8 @@ def _spread(ax: Any, summary: LabelSummary, column: str) -> None:
     ends = [(x[k] + wide / 2, text) for k, text in filled]
     below = np.zeros(n)
     for verdict, color in VERDICT_COLORS.items():
-        ax.bar(x, bins[verdict], wide, below, align="edge", color=color, lw=0)
+        its = bins[verdict] > 0  # a bar of no height takes as long
+        ax.bar(x[its], bins[verdict][its], wide, below[its], align="edge", color=color, lw=0)
         below += bins[verdict]
     _whole_grasps(ax)
     if not below.any():
