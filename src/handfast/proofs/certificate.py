@@ -152,7 +152,7 @@ def proof_to_dict(c: Certificate) -> dict[str, Any]:
         "rows": len(c.kind),
         "references": len(c.references),
         "bits": 8 * c.multiplier.dtype.itemsize,
-        "proof": base64.b64encode(zlib.compress(packed, 9)).decode("ascii"),
+        "proof": base64.b64encode(zlib.compress(packed, 6)).decode("ascii"),
     }
 
 
