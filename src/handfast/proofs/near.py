@@ -54,8 +54,7 @@ class Near:
 
 def near(p: Problem, x: State) -> Near:
     """A state alone, of the problem's load and magnitude."""
-    tables = {f.name: np.repeat(getattr(x, f.name)[None], 2, axis=0) for f in fields(State)}
-    return along(p, np.array([p.magnitude, p.magnitude]), tables, p.granted)
+    return along(p, np.array([p.magnitude]), {f.name: getattr(x, f.name)[None] for f in fields(State)}, p.granted)
 
 
 def along(p: Problem, s: Array, x: Mapping[str, Array], scale: float) -> Near:
