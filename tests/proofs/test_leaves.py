@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from flint import fmpq_mat
 
+from handfast import Settings, load_grasp, maximum
 from handfast.proofs import leaves
 from handfast.proofs.cases import HALF_TURN
 from handfast.proofs.certificate import Certificate
@@ -913,6 +914,104 @@ def test_what_is_0_but_for_rounding_may_be_left_over_in_floats() -> None:
     assert np.ravel(by_square(two_rows(0.0, 1, right=-1.0))).tolist() == [pytest.approx(-1), np.inf]
 
 
+def test_what_is_left_over_is_of_all_that_multipliers_may_be_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two leaves of two rows each, of which the first leaves r_y and a slider's motion q over.
+
+    -r_x + 2^-20 r_y + 2^-20 q >= 0 and r_x >= 1 with multipliers 1, off by 1/8 and 1/4; (1) along x by 1/16, which
+    touches c_n of both walls, is of c alone. q is scaled by a half; of d_n it is 2 at contact 0, where r_y is 0.
+    """
+    slider = [{"name": "a", "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": [0]}]
+    found = walls_of([2, 2], joints=slider, preload={"a": 1.0})
+    q, share = found.equations, 2.0**-20
+    scale = np.ones(q.columns.n)
+    scale[6] = 0.5
+    monkeypatch.setitem(q.__dict__, "scale", scale)
+    found.alive, found.columns = np.zeros((2, q.columns.n), dtype=bool), np.zeros((2, q.columns.n), dtype=bool)
+    found.alive[:, [0, 1, 6]], found.columns[0, 0], found.columns[1, [0, 1, 6]] = True, True, True
+    found.F[:] = 0.0
+    found.F[:, 0], found.F[0, [1, 6]] = [-1, 1, -1, 1], share
+    found.size, found.largest, found.unit, found.put_in = (
+        np.abs(found.F),
+        0 * found.largest,
+        0 * found.unit + 1,
+        0 * found.put_in,
+    )
+    found.size[1, 1], found.size[1, 6] = 3.0, 5.0  # terms that cancel each other
+    found.y, found.v, found.b = np.ones(4), 0 * found.v, np.array([0.0, 1, 0, 1])
+    found.E, found.E_largest, found.E_size = 0 * found.E, 0 * found.E_largest, 0 * found.E_size
+    found.E_size[0, 1] = 7.0
+    side = found.side
+    found.side = replace(side, slack=0 * side.slack, growth=0 * side.growth, slip=0.0, slip_growth=0.0, energy=0.0)
+    found.error = 0.0
+    p = found.v.shape[1]
+    off = np.array([0.125, 0.25, 0.0625])
+    places = np.array([[0, 1, 4], [2, 3, 4 + p]])
+
+    def enclosed(off: Array) -> tuple[Array, Array]:
+        bounds = np.array([off, 0 * off]), np.ones(2, dtype=bool)
+        square = SimpleNamespace(
+            places=places, leaves=np.arange(2), solution=lambda _: np.zeros((2, 3)), bound=lambda _: bounds
+        )
+        return found._enclosed([square])  # type: ignore[list-item]
+
+    margins, caps = enclosed(off)
+    value = 1 - 0.25  # of the right side 1 of the row r_x >= 1
+    assert margins == pytest.approx([value, 1.0], rel=1e-7)
+    rest = np.zeros((1, q.columns.n))
+    rest[0, 1], rest[0, 6] = share, share / 0.5
+    wide = np.zeros((1, q.columns.n))
+    wide[0, 1] = 0.125 * share + 0.25 * 3 + 0.0625 * 7
+    wide[0, 6] = (0.125 * share + 0.25 * 5) / 0.5
+    wanted = value / (2 * q.reach(rest, wide)[0])
+    assert caps[0] == pytest.approx(wanted, rel=1e-7)
+    assert caps[0] <= wanted
+    assert caps[1] == np.inf  # nothing is left over
+    found.rows.either[:] = False
+    margins, caps = enclosed(np.array([1.5, 0.25, 0.0]))  # an inequality's may be negative
+    assert margins[0] == -np.inf
+    assert (caps[0], caps[1]) == (np.inf, np.inf)
+    found.y[0] = -2.0  # and this one's surely is
+    assert enclosed(np.array([1.5, 0.25, 0.0]))[1].tolist() == [0, np.inf]
+
+
+def test_sizes_are_of_all_terms_of_an_entry() -> None:
+    """Of rows over their unit, with efforts put in: absolute values in place of numbers, no less than the entries."""
+    found = systems(3)
+    q, rows = found.equations, found.rows
+    solved, at = q.solved
+    size = np.abs(rows.value[:, : q.columns.n]) * q.scale
+    size += np.abs(rows.value[:, q.columns.n :]) @ (q.Z_size * q.scale)
+    put_in = np.abs(found.put_in * found.unit[:, None])
+    size += put_in @ (q.E_size * q.scale / q.unit[:, None])[solved]
+    size[:, at] = 0.0
+    np.testing.assert_allclose(found.size, size / found.unit[:, None], rtol=1e-12)
+    assert (np.abs(found.F) <= found.size * (1 + 1e-12)).all()
+    assert (np.abs(found.E) <= found.E_size * (1 + 1e-12)).all()
+    assert len(set(found.unit)) > 2
+
+
+def test_a_real_proof_has_the_same_cap_with_far_fewer_leaves_in_rational_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The largest pull of the bell along y: points that depend on each other but for rounding."""
+    answer = maximum(load_grasp("fig1"), [0, 1, 0, 0, 0, 0], settings=Settings(verify=False, jobs=1))
+    certificate, asked = answer.certificate, list[int]()
+    assert certificate is not None
+    exact, enclosed = leaves.exact_margin, LeafSystems._enclosed
+    monkeypatch.setattr(leaves, "exact_margin", lambda s, leaf: asked.append(leaf) or exact(s, leaf))
+    found, some = verify(certificate), len(asked)
+    asked.clear()
+
+    def nothing_up_to_a_cap(systems: LeafSystems, squares: list[Square]) -> tuple[Array, Array]:
+        margins, caps = enclosed(systems, squares)
+        return np.where(caps < np.inf, -np.inf, margins), np.full(len(caps), np.inf)
+
+    monkeypatch.setattr(LeafSystems, "_enclosed", nothing_up_to_a_cap)
+    all_exactly = verify(certificate)
+    assert (found.ok, found.unproved, found.cap) == (all_exactly.ok, all_exactly.unproved, all_exactly.cap)
+    assert 0 < some < len(asked) / 2
+
+
 @pytest.mark.parametrize("family", ["any", "soft", "fingers"])
 def test_floats_claim_no_more_than_rational_numbers_of_what_is_left_over(family: str) -> None:
     """Of leaves with multipliers of any sign, and of the same as inequalities, with one column left out, in turn."""
@@ -971,8 +1070,10 @@ def test_caps_that_another_leaf_makes_good_enough_are_those_of_floats(
         asked.append(leaf)
         return (0.25, exact[leaf]) if exact[leaf] > 0 else (-1.0, np.inf)
 
-    by_floats = np.array([0.5, 0.5, 0.5, -np.inf, -np.inf]), np.array([5, 50, 200, np.inf, 0])
-    monkeypatch.setattr(found, "_enclosed", lambda _: by_floats)
+    none, later = np.full(5, -np.inf), np.array([*[np.inf] * 4, 0])
+    first = np.array([0.5, 0.5, 0.5, -np.inf, -np.inf]), np.array([5, 50, 200, np.inf, 0])
+    stages = [(none, later), first, *[(none, later)] * 9]  # at once nothing is shown
+    monkeypatch.setattr(found, "_enclosed", lambda _: stages.pop(0))
     monkeypatch.setattr(leaves, "exact_margin", exact_margin)
     margins, caps = judged_exactly(found, cap)
     assert asked == exactly

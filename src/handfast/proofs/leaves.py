@@ -254,14 +254,14 @@ class LeafSystems:
                     margins[k], caps[k] = exact_margin(self, k)
                 tried.add(asked)
         gap, some = np.abs(self.equations.grasp.gaps).max(), np.flatnonzero(by_floats)
-        cap = min(cap, float(caps[~by_floats & (margins > 0) & (caps >= gap)].min(initial=np.inf)))
+        cap = min(cap, float(caps[~by_floats & (margins > 0)].min(initial=np.inf)))
         for k in some[np.argsort(caps[some], kind="stable")].tolist():
             if caps[k] < max(cap, gap):
                 in_time(self.until)
                 exact = exact_margin(self, k)
                 if exact[0] > 0:
                     margins[k], caps[k] = exact
-            cap = min(cap, caps[k]) if caps[k] >= gap else cap
+            cap = min(cap, caps[k])
         margins = np.where(caps < gap, -np.inf, margins)
         return margins, np.where(margins > 0, caps, np.inf)
 
