@@ -149,6 +149,14 @@ def test_multipliers_that_are_no_numbers():
         assert found.margin == -np.inf
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e-170, 1e-40, 1e40, 1e170, 1e300])
+def test_multipliers_of_a_leaf_may_be_of_any_size(size: float) -> None:
+    """They are a sum that is more than 0: its size says nothing."""
+    found, whole = verify(proof(multiplier=size * np.array(proof().multiplier, dtype=np.float64))), verify(proof())
+    assert found.ok
+    assert found.margin == pytest.approx(whole.margin, rel=1e-9)
+
+
 def test_unproved_leaves_are_named():
     wrong = [(Row.TANGENT, 1, 0, 0, 1.0)]
     assert verify(proof(leaves=[wrong, [(Row.TANGENT, 0, 0, 0, 1.0)], LEAVES[2]])).unproved == (0, 1)

@@ -1128,6 +1128,34 @@ def test_what_failed_in_rational_numbers_is_not_tried_again(monkeypatch: pytest.
     assert tried == list(range(len(found.count)))
 
 
+def parts_of(size: float, y: float, each: float, parts: int = 8) -> LeafSystems:
+    """r_x >= size with y, and -r_x >= -3/2 size as so many rows with y each: they hold together, and cancel."""
+    found = systems(3)
+    value, right = np.zeros((1 + parts, found.rows.value.shape[1])), np.full(1 + parts, -1.5 * size)
+    value[0, 0], value[1:, 0], right[0] = 1, -1, size
+    return a_leaf(found, value, right, np.array([y, *[each] * parts]), np.zeros(1 + parts, dtype=bool))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-40, 1e-100, 1e-150, 1e-290, 1e-310])
+@pytest.mark.parametrize("quick", [True, False])
+def test_products_that_underflow_prove_nothing(size: float, quick: bool) -> None:
+    """Multipliers with which y b of the first row rounds up to the smallest number, and of all others to 0."""
+    for share in np.arange(0.55, 1.0, 0.05):
+        y = share * 4.94e-24 / size * 1e-300 if size > 1e-300 else 1.0
+        assert judged(parts_of(size, y, y / 8), quick)[0] <= 0
+    assert judged(parts_of(5e-324, 1.0, 0.125), quick)[0] <= 0
+
+
+def test_what_underflow_takes_is_less_than_what_a_proof_has_to_leave() -> None:
+    """A right side below it proves nothing, and no cap is told that is one of rounding."""
+    assert exact_margin(two_rows(0.0, 1, right=1e-305), 0)[0] < 0
+    assert exact_margin(two_rows(0.0, 1, right=1e-290), 0)[0] == pytest.approx(1)
+    assert by_square(two_rows(0.0, 1, right=1e-305))[0][0] < 0
+    assert by_square(two_rows(0.0, 1, right=1e-290))[0][0] == pytest.approx(1)
+    assert exact_margin(two_rows(5e-324, 1, right=1e10), 0)[1] == 1e300
+    assert exact_margin(two_rows(5e-324, 1), 0)[1] == pytest.approx(1e300)
+
+
 def test_what_shows_nothing_in_rational_numbers() -> None:
     """Right sides of 0, a slack without end, multipliers that are no numbers, more columns than rows, no inverse."""
     none = -np.inf, np.inf
@@ -1341,7 +1369,8 @@ def test_unknowns_and_equations_are_scaled_to_like_sizes() -> None:
     assert one.E_largest[[0, 5]].tolist() == [1, 1]
     assert one.h[5] == -0.5
     assert one.E_touches[0].tolist() == mask(13, 6, 9, 12).tolist()
-    assert (one.F[0, 12], one.unit[0], one.b[0], one.largest[0], one.stated[0]) == (1, 1 / 8, 8, 1, 1 / 8)
+    assert (one.F[0, 12], one.unit[0], one.b[0], one.largest[0]) == (1, 1 / 8, 8, 1)
+    assert one.stated[0] == 1  # of any size: the largest of a leaf is about 1
 
 
 @pytest.mark.parametrize("step", ["_squares", "_choose", "_most_ranks"])

@@ -51,6 +51,8 @@ WEIGHT_CUTOFFS = (1e-11, 1e-13)
 # of scaled rows: pivots that are smaller do not count; where that shows nothing
 PIVOT_TOLERANCE, COARSE_PIVOTS = 1e-9, (1e-6, 1e-4)
 SUM_INFLATION = 1 + 1e-9  # rounds sums of bounds up
+LOST = 1e-300  # more than underflow takes of a sum: multipliers are scaled, the largest of a leaf is about 1
+FARTHEST_CAP = 1e300  # [N] as good as any, and not inf
 GROUP_COST = 1e5  # what a group of systems costs, as padding of n systems from side a to b costs n (b^3 - a^3)
 
 
@@ -133,7 +135,8 @@ class LeafSystems:
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
         self.error = ENTRY_ROUNDING + 4 * terms * UNIT_ROUNDOFF
 
-        self.touches, self.stated = size > 0, rows.y * self.unit[self.which]
+        self.touches, stated = size > 0, rows.y * self.unit[self.which]
+        self.stated = stated / power_near(self._top(stated))[self.leaf]  # in a file they may be so small that all is 0
         self.rest = rest = self._weighed(self.stated)
         v = -rest @ q.inverse
         alone = self.count == 0  # the equilibrium contradicts itself
@@ -489,7 +492,7 @@ class LeafSystems:
         y, v = w[:R], w[R:-1].reshape(L, p)
         rest = self._weighed(y) + v @ self.E
         sizes = self._summed(np.abs(y) * self.largest[self.which]) + np.abs(v) @ self.E_largest
-        bound = self.error * sizes * SUM_INFLATION + 1e-300
+        bound = self.error * sizes * SUM_INFLATION + LOST
         change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
         for square in squares:
             change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
@@ -512,14 +515,14 @@ class LeafSystems:
         first = self.rows.first
         pushes = self._summed(np.where(first, y - change_y, 0.0) / row_unit) * (1 - 1e-9)
         energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / row_unit) * self.side.energy
-        value -= (slack + energy) * SUM_INFLATION + self.side.grown(grows, pushes)
+        value -= (slack + energy) * SUM_INFLATION + self.side.grown(grows, pushes) + LOST
         margins = np.where(terms > 0, value / np.maximum(terms, 1e-300), -np.inf)
         others, caps = self.alive & ~self.columns, np.full(L, np.inf)
         if others.any():
             off = bound[:, None] + self._summed(change_y[:, None] * self.size[self.which]) + change_v @ self.E_size
             rest, off = (np.where(others, x, 0.0) / self.equations.scale for x in (rest, off * SUM_INFLATION))
-            weight = np.maximum(2 * self.equations.reach(rest, off), 1e-300)
-            caps = np.where(others.any(axis=1), value / weight * (1 - 1e-9), np.inf)
+            weight = 2 * self.equations.reach(rest, off) + LOST
+            caps = np.where(others.any(axis=1), np.minimum(value / weight * (1 - 1e-9), FARTHEST_CAP), np.inf)
             unbounded = others & ~self.equations.reached
             never |= sound & (unbounded & (np.abs(rest) > off)).any(axis=1)
             good &= ~unbounded.any(axis=1)
@@ -704,8 +707,9 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     slack, grows = s.side.costs(q, multipliers, np.zeros_like(multipliers), z[None], 1e-13 * z_size[None])
     pushes, energy = (of_rows @ which[own] for which in (s.rows.first, s.rows.energy))
     cost = (slack[0] + energy * s.side.energy) * (1 + 1e-9) + s.side.grown(grows, np.array([pushes * (1 - 1e-9)]))[0]
+    cost += LOST
     if not np.isfinite(cost):
         return UNBOUNDED_RANGE
     value = sum(terms, ZERO) - rational(cost)
-    weight = float(q.reach(left[None], np.abs(left)[None] * 1e-9)[0]) if left.any() else 0.0
-    return rounded(value / size), (max(rounded(value), 0.0) / (2 * weight) if weight > 0 else np.inf)
+    weight = 2 * float(q.reach(left[None], np.abs(left)[None] * 1e-9)[0]) + LOST
+    return rounded(value / size), (min(max(rounded(value), 0.0) / weight, FARTHEST_CAP) if left.any() else np.inf)
