@@ -522,7 +522,7 @@ class LeafSystems:
             off = bound[:, None] + self._summed(change_y[:, None] * self.size[self.which]) + change_v @ self.E_size
             rest, off = (np.where(others, x, 0.0) / self.equations.scale for x in (rest, off * SUM_INFLATION))
             weight = 2 * self.equations.reach(rest, off) + LOST
-            caps = np.where(others.any(axis=1), np.minimum(value / weight * (1 - 1e-9), FARTHEST_CAP), np.inf)
+            caps = np.where(others.any(axis=1), value / weight * (1 - 1e-9), np.inf)
             unbounded = others & ~self.equations.reached
             never |= sound & (unbounded & (np.abs(rest) > off)).any(axis=1)
             good &= ~unbounded.any(axis=1)
