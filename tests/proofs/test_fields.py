@@ -12,6 +12,7 @@ from flint import fmpq
 from handfast.proofs.fields import (
     EQUALITY_TOLERANCE,
     MAX_JSON_NUMBER,
+    MOST_MULTIPLICATIONS,
     ZERO,
     BadFile,
     Fields,
@@ -21,6 +22,7 @@ from handfast.proofs.fields import (
     not_zero,
     number,
     numbers,
+    product,
     rational,
     rationals,
     refuse_unknown,
@@ -392,6 +394,22 @@ def test_products_by_hand() -> None:
     assert isinstance(dot([], []), fmpq)
     with pytest.raises(ValueError, match="zip"):
         dot(a, b[:2])
+
+
+@pytest.mark.parametrize("shape", [(700, 40), (3, 130, 90), (2, 0, 90), (5, 0), (0, 40), (1, 2**18)])
+def test_products_a_few_rows_at_a_time(shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of whole numbers, exactly; no part is so large that BLAS begins threads for it, 2^18 multiplications."""
+    rng = np.random.default_rng(3)
+    a = rng.integers(-9, 10, shape).astype(float)
+    b = rng.integers(-9, 10, (*shape[:-2], shape[-1], 60)).astype(float)
+    assert np.array_equal(product(a, b), a @ b)
+    sizes, whole = [], np.concatenate
+    monkeypatch.setattr(
+        np, "concatenate", lambda parts, axis: [sizes.append(x.shape[-2]) for x in parts] and whole(parts, axis)
+    )
+    product(a, b)
+    assert all(rows == 1 or rows * shape[-1] * 60 <= MOST_MULTIPLICATIONS for rows in sizes)
+    assert (sum(sizes) > 0) == (shape[-2] > 1 and shape[-2] * shape[-1] * 60 > MOST_MULTIPLICATIONS)
 
 
 def test_rounding_goes_to_the_nearest() -> None:

@@ -197,6 +197,19 @@ def same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
+# --- products of matrices ---------------------------------------------------------------------------
+
+MOST_MULTIPLICATIONS = 1 << 17  # BLAS begins threads from twice as many on
+
+
+def product(a: Array, b: Array) -> Array:
+    """(..., k, p) a @ b, of few rows at a time: threads of BLAS only wait for each other in products of this size."""
+    rows = max(1, MOST_MULTIPLICATIONS // max(1, b.shape[-2] * b.shape[-1]))
+    if a.shape[-2] <= rows:
+        return np.asarray(a @ b)
+    return np.concatenate([a[..., k : k + rows, :] @ b for k in range(0, a.shape[-2], rows)], axis=-2)
+
+
 # --- rational numbers -------------------------------------------------------------------------------
 
 ZERO = fmpq(0)

@@ -40,7 +40,7 @@ import numpy as np
 from flint import fmpq_mat
 
 from handfast.proofs.equations import ENTRY_ROUNDING, Equations, RightSide, power_near
-from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, rational, rationals, rounded
+from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, product, rational, rationals, rounded
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.structural_rank import as_bits, fewer_columns, fewer_rows, fewest_lines
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
@@ -114,13 +114,13 @@ class LeafSystems:
         d, Z, Z_size = rows.value[:, n:], q.Z * q.scale, q.Z_size * q.scale
         self.F = rows.value[:, :n] * q.scale
         size = np.abs(self.F)
-        self.F[:, motions] += d @ Z[:, motions]
-        size[:, motions] += np.abs(d) @ Z_size[:, motions]
+        self.F[:, motions] += product(d, Z[:, motions])
+        size[:, motions] += product(np.abs(d), Z_size[:, motions])
         solved, at = q.solved
         E, E_size = q.E * q.scale / q.unit[:, None], q.E_size * q.scale / q.unit[:, None]
         self.put_in = -self.F[:, at] / E[solved, at]
-        self.F += self.put_in @ E[solved]
-        size += np.abs(self.put_in) @ E_size[solved]
+        self.F += product(self.put_in, E[solved])
+        size += product(np.abs(self.put_in), E_size[solved])
         for x in (self.F, size, E, E_size):
             x[:, at] = 0.0
         E[solved], E_size[solved] = 0.0, 0.0
@@ -138,12 +138,12 @@ class LeafSystems:
         self.touches, stated = size > 0, rows.y * self.unit[self.which]
         self.stated = stated / power_near(self._top(stated))[self.leaf]  # in a file they may be so small that all is 0
         self.rest = rest = self._weighed(self.stated)
-        v = -rest @ q.inverse
+        v = -product(rest, q.inverse)
         alone = self.count == 0  # the equilibrium contradicts itself
         self.own_h = self.h.copy()
         self.own_h[solved] = 0.0
         v[alone] = self.own_h - (q.inverse.T @ (self.E.T @ self.own_h))
-        self.stated_v = v - (rest + v @ self.E) @ q.inverse  # once more for what rounding left
+        self.stated_v = v - product(rest + product(v, self.E), q.inverse)  # once more for what rounding left
         self._use(self.stated_v, WEIGHT_CUTOFFS[0])
 
     def _use(self, v: Array, negligible: float = WEIGHT_CUTOFFS[1]) -> None:
@@ -155,11 +155,11 @@ class LeafSystems:
         touches = self.touches[self.which]
         self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
         counts = size > negligible * self.top[:, None]
-        self.used_E, self.v = counts & (closed.astype(float) @ E_touches.T > 0), np.where(counts, v, 0.0)
+        self.used_E, self.v = counts & (product(closed.astype(float), E_touches.T) > 0), np.where(counts, v, 0.0)
         self.alive = np.zeros_like(closed)
         if len(self.y):
             self.alive[self.some] = np.logical_or.reduceat(touches & self.used[:, None], self.begin)
-        self.alive = (self.alive | (self.used_E.astype(float) @ E_touches > 0)) & closed
+        self.alive = (self.alive | (product(self.used_E.astype(float), E_touches) > 0)) & closed
 
     def _solve_again(self, leaves: Integers, least: float) -> None:
         """Multipliers of the equalities of leaves for the unknowns that are not 0 in them alone."""
@@ -372,14 +372,14 @@ class LeafSystems:
         motions = np.arange(at.n) < at.motions
         joints: list[tuple[Mask, Integers]] = []
         if q.dependent_joints:
-            others = values[:, at.n + 3 * g.m :].astype(float) @ self._of_others > 0
-            at_once = (of_leaf(values[:, : at.n] | others) > 0) | (used_E.astype(float) @ self.E_touches > 0)
+            others = product(values[:, at.n + 3 * g.m :].astype(float), self._of_others) > 0
+            at_once = (of_leaf(values[:, : at.n] | others) > 0) | (product(used_E.astype(float), self.E_touches) > 0)
             joints = self._of_one_contact(alive & ~at_once, by)
         apart = np.zeros_like(used_E)
         if by_entries:
-            alone = alive & ~motions & (of_leaf(touches) + used_E.astype(float) @ self.E_touches == 1)
-            apart = used_E & (np.arange(len(self.E)) >= 6) & (alone.astype(float) @ self.E_touches.T > 0)
-        of_E = by_contact((used_E & ~apart)[:, 6:].astype(float) @ self.E_touches[6:, at.c] > 0)
+            alone = alive & ~motions & (of_leaf(touches) + product(used_E.astype(float), self.E_touches) == 1)
+            apart = used_E & (np.arange(len(self.E)) >= 6) & (product(alone.astype(float), self.E_touches.T) > 0)
+        of_E = by_contact(product((used_E & ~apart)[:, 6:].astype(float), self.E_touches[6:, at.c]) > 0)
         bare = pressed & ~of_E & (of_leaf(by_contact(touches[:, at.c])) == 0)
         of_bare = (alive[:, at.c] & np.repeat(bare, 3, axis=1)).sum(axis=1)
         most = np.minimum(used_E[:, :6].sum(axis=1), np.where(bare.sum(axis=1) == 2, 5, 6))
@@ -390,7 +390,7 @@ class LeafSystems:
             for block, fewer, fewer_of_E in ((motions, still, 0), (~motions, lost, torques)):
                 unknowns = alive & block
                 rows = of_leaf((touches & unknowns[own]).any(axis=1)) - fewer_of_E
-                rows += (used_E & (unknowns.astype(float) @ self.E_touches.T > 0)).sum(axis=1)
+                rows += (used_E & (product(unknowns.astype(float), self.E_touches.T) > 0)).sum(axis=1)
                 counted.append(np.minimum(rows, unknowns.sum(axis=1) - fewer))
             return np.column_stack(counted).astype(np.int64)
         bare_columns = np.zeros_like(alive)
@@ -486,11 +486,11 @@ class LeafSystems:
         L, R, p = len(self.count), len(self.which), len(self.E)
         either, put_in, b = self.rows.either, self.put_in[self.which], self.b[self.which]
         w = np.concatenate([self.y, self.v.ravel(), [0.0]])
-        rest = self.rest + self.v @ self.E
+        rest = self.rest + product(self.v, self.E)
         for square in squares:
             w[square.places] -= square.solution(rest)
         y, v = w[:R], w[R:-1].reshape(L, p)
-        rest = self._weighed(y) + v @ self.E
+        rest = self._weighed(y) + product(v, self.E)
         sizes = self._summed(np.abs(y) * self.largest[self.which]) + np.abs(v) @ self.E_largest
         bound = self.error * sizes * SUM_INFLATION + LOST
         change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
@@ -519,8 +519,9 @@ class LeafSystems:
         margins = np.where(terms > 0, value / np.maximum(terms, 1e-300), -np.inf)
         others, caps = self.alive & ~self.columns, np.full(L, np.inf)
         if others.any():
-            off = bound[:, None] + self._summed(change_y[:, None] * self.size[self.which]) + change_v @ self.E_size
-            rest, off = (np.where(others, x, 0.0) / self.equations.scale for x in (rest, off * SUM_INFLATION))
+            off = self._summed(change_y[:, None] * self.size[self.which]) + product(change_v, self.E_size)
+            off = (bound[:, None] + off) * SUM_INFLATION
+            rest, off = (np.where(others, x, 0.0) / self.equations.scale for x in (rest, off))
             weight = 2 * self.equations.reach(rest, off) + LOST
             caps = np.where(others.any(axis=1), value / weight * (1 - 1e-9), np.inf)
             unbounded = others & ~self.equations.reached
@@ -554,7 +555,7 @@ class Square:
         end = R + len(systems.count) * p
         self.places = np.where(index < R, index, np.where(there, index + leaves[:, None] * p, end))
         self.X = X = _inverse(B)
-        self._sizes, ones, off = np.abs(X), np.ones(side), B @ X
+        self._sizes, ones, off = np.abs(X), np.ones(side), product(B, X)
         off[:, diagonal, diagonal] -= 1.0
         np.abs(off, out=off)
         largest = np.maximum(np.concatenate([systems.largest, systems.E_largest, [1.0]]), 1.0)[row]
