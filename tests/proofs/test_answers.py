@@ -20,6 +20,7 @@ from handfast.proofs.existence import prove
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.kinds import TURN_DIRECTIONS, Row
+from handfast.proofs.leaves import LeafSystems
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import COMPLETE_CAP, TOO_SMALL, motion_size
@@ -202,6 +203,25 @@ def test_a_force_that_is_held_does_not_slip() -> None:
     slips = saved("check slips")
     slips["question"]["wrench"] = [0, 0.000654, 0, 0, 0, 0]
     assert re.match(r"certificate: leaf \d+", reason(slips))
+
+
+def test_a_wrong_certificate_is_refused_at_its_first_leaf_that_is_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file with very many such leaves would take minutes, as each is tried in rational arithmetic."""
+    tried: list[int] = []
+    more_exactly = LeafSystems.more_exactly
+
+    def counted(systems: LeafSystems, *args: Any) -> Any:
+        tried.append(len(systems.count))
+        return more_exactly(systems, *args)
+
+    monkeypatch.setattr(checker, "LEAF_BATCH", 1)
+    monkeypatch.setattr(LeafSystems, "more_exactly", counted)
+    for name, path in (("check slips", ("certificate",)), ("max with a hole", ("slips", 0))):
+        data = saved(name)
+        proof(lambda c: {"multiplier": np.zeros_like(c.multiplier)}, *path)(data)
+        tried.clear()
+        assert re.search(r"leaf \d+", reason(data))
+        assert tried == [1]
 
 
 def test_commands_that_suffice_are_some() -> None:

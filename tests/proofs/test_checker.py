@@ -228,6 +228,30 @@ def test_leaves_are_looked_at_in_batches_and_more_closely_once_all_were(
     assert found.unproved == (() if ok else (1, 2) if batch == 2 else failed)
 
 
+@pytest.mark.parametrize(("to_the_end", "asked"), [(True, [0, 1, 2]), (False, [0, 1])])
+def test_a_leaf_that_is_not_proved_may_end_it(
+    monkeypatch: pytest.MonkeyPatch, to_the_end: bool, asked: list[int]
+) -> None:
+    """Three leaves that floating point does not show, each a batch; the second is not proved at all."""
+    looked: list[int] = []
+
+    def systems(_: Any, __: Any, some: Integers, ___: Any) -> SimpleNamespace:
+        def more_exactly(before: Array, _: float) -> tuple[Array, Array]:
+            looked.extend(some.tolist())
+            return np.where(some == 1, -1.0, 0.25), np.full(len(some), np.inf)
+
+        return SimpleNamespace(proved=lambda: np.full(len(some), -1.0), more_exactly=more_exactly)
+
+    monkeypatch.setattr(checker, "LEAF_BATCH", 1)
+    monkeypatch.setattr(checker, "checked_rows", lambda _, __, some: some)
+    monkeypatch.setattr(checker, "LeafSystems", systems)
+    found = verify(proof(), to_the_end=to_the_end)
+    assert looked == asked
+    assert not found.ok
+    assert found.reason.startswith("leaf 1 ")
+    assert found.unproved == ((1,) if to_the_end else (1, 2))
+
+
 @pytest.mark.parametrize("late", range(4))
 def test_it_ends_before_the_tree_the_equations_and_each_batch(monkeypatch: pytest.MonkeyPatch, late: int) -> None:
     times: list[float] = []

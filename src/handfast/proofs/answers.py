@@ -169,7 +169,7 @@ def refuted(claim: str, c: Certificate, magnitude: float, motion: Array | None, 
 
     magnitude, motion: as of `cap_fault`, which is asked if it is to count as complete.
     """
-    found = checker.verify(c)
+    found = checker.verify(c, to_the_end=False)
     reason = found.reason
     if found.cap is not None and not reason:
         claim += f", up to virtual motions of {found.cap:.6g} N"
@@ -514,7 +514,7 @@ def _pairs(saved: SavedAnswer, key: str) -> list[Range]:
 def _slips_fault(saved: SavedAnswer) -> str:
     """What is wrong with the certificates of smaller magnitudes; "" if nothing."""
     for c in saved.slips:
-        found = checker.verify(c)
+        found = checker.verify(c, to_the_end=False)
         if not found.ok:
             return f"{saved.question.claim(c.scalar)}: {found.reason}"
         if found.cap is not None:

@@ -48,7 +48,12 @@ class Checked:
 
 
 def verify(
-    certificate: Certificate, until: float = np.inf, *, quick: bool = False, among: Integers | None = None
+    certificate: Certificate,
+    until: float = np.inf,
+    *,
+    quick: bool = False,
+    among: Integers | None = None,
+    to_the_end: bool = True,
 ) -> Checked:
     """Does the certificate prove its claim?
 
@@ -57,6 +62,7 @@ def verify(
         until: [s] of `time.monotonic`, when it is to give up.
         quick: refuse what floating-point arithmetic does not show at once.
         among: places of the leaves that are looked at, for a search: the others may be wrong. By default all.
+        to_the_end: look at all leaves, for a search, though some are not proved; a wrong file is refused sooner.
     """
     c, q = certificate, certificate.question
     leaves = len(c.start) - 1
@@ -88,6 +94,8 @@ def verify(
                 for some in _batches(left if len(asked) > LEAF_BATCH else asked):
                     made = systems(some) if len(asked) > LEAF_BATCH else made
                     margins[some], caps[some] = made.more_exactly(margins[some], caps.min())
+                    if not to_the_end and not (margins[some] > 0).all():
+                        break
     except BadCertificate as fault:
         return Checked(False, leaves, -np.inf, str(fault))
     except Late:
