@@ -193,7 +193,7 @@ def by_kind(versions: list[Version], options: argparse.Namespace) -> Iterator[li
             yield list(rows.values())
     print("| question | asked | equal to the last bit | contradictions | open: before | after | time, after / before |")
     print("|---|---:|---:|---:|---:|---:|---:|")
-    for kind, r in rows.items():
+    for kind, r in ((kind, r) for kind, r in rows.items() if r["questions"]):
         cells = [r[k] for k in ("questions", "same", "contradictions", "open_before", "open_after")]
         print(f"| {kind} | " + " | ".join(f"{x:,}" for x in cells) + f" | {r['seconds'][1] / r['seconds'][0]:.2f} |")
 
