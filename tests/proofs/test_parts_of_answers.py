@@ -119,7 +119,7 @@ def test_how_a_refutation_is_told(
 ) -> None:
     found, asked = checker.Checked(not reason, 3, 0.25, reason, cap=cap), list[Any]()
     c, motion = SimpleNamespace(question="of it"), np.ones(6)
-    monkeypatch.setattr(checker, "verify", lambda given: found if given is c else None)
+    monkeypatch.setattr(checker, "verify", lambda given, to_the_end: found if given is c else None)
 
     def cap_fault(*args: Any) -> str:
         asked.append(args)
@@ -485,7 +485,7 @@ def test_certificates_of_smaller_magnitudes_have_no_cap(monkeypatch: pytest.Monk
         ("", 8.0, "none of 0.3 to 0.4: proved up to virtual motions of 8 N only"),
     ):
         found = checker.Checked(not reason, 3, 0.25, reason, cap=cap)
-        monkeypatch.setattr(checker, "verify", lambda c, found=found: found if c.scalar == (0.3, 0.4) else None)
+        monkeypatch.setattr(checker, "verify", lambda c, f=found, **_: f if c.scalar == (0.3, 0.4) else None)
         assert answers._slips_fault(interval()) == fault
 
 
