@@ -82,9 +82,8 @@ class Proof:
     def checked(self, until: float, known: dict[bytes, Rays]) -> tuple[Proof, bool, Indices]:
         """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
 
-        With other rays where those found do not do: rounded ones, as they were found, and in the middle of all. Leaves
-        that have none are asked alone. At the end those are asked whose rays have changed since all were asked, or that
-        are proved up to a cap; in later rounds, where the tree has changed, all are.
+        With other rays for leaves that those found do not prove. In later rounds, where the tree has changed, leaves
+        that are known are asked at the end, with all others.
 
         until: [s] of `time.monotonic`, when there is no more time for it.
         known: the best rays that were accepted for `_named` leaves of this search, of which it gets more.
@@ -92,35 +91,29 @@ class Proof:
         none, whole = np.zeros(0, int), self.certificate
         if whole is None:
             return self, False, none
-        found, again = whole.rounded(), bool(known)
-        told = checker.verify(found, until, among=none if again else None)
-        if again or not told.ok or told.cap is not None:
-            names, rays, tried = self._named(whole), rays_of(whole), rays_of(found)
-            left = {k for k, name in enumerate(names) if name not in known}
-            asked = None if again else np.array(sorted({*told.unproved, *told.capped}), dtype=np.int64)
-            tried = [known.get(name, ray) for name, ray in zip(names, tried, strict=True)]
-            for others in range(3):
-                if others == 1:
-                    tried = [rays[k] if k in left else ray for k, ray in enumerate(tried)]
-                if others == 2:
-                    left = set(told.unproved)
-                    if not 0 < len(left) <= MAX_RAY_LEAVES or self.reduced.cap < np.inf:
-                        break
-                    better = repaired(found, sorted(left), until)
-                    tried = [better.get(k, ray) for k, ray in enumerate(tried)]
-                if others or again:
-                    found = with_rays(whole, tried)
-                    told = checker.verify(found, until, among=np.array(sorted(left), dtype=np.int64))
-                if not told.ok and not told.unproved:
-                    return self, False, none  # there was no time, or the tree is wrong
-                shown = left - {*told.unproved, *(() if others else told.capped)}
-                known |= {names[k]: tried[k] for k in shown}
-                left -= shown
-                if not left:
-                    break
-            if told.unproved:
+        found, again, every = whole.rounded(), bool(known), np.arange(len(whole.leaves))
+        names = self._named(whole) if again else []
+        if again:
+            found = with_rays(whole, [known.get(name, ray) for name, ray in zip(names, rays_of(found), strict=True)])
+            every = np.array([k for k in every.tolist() if names[k] not in known], dtype=np.int64)
+        told = checker.verify(found, until, among=every if again else None)
+        if not told.ok:
+            if not told.unproved:
+                return self, False, none  # there was no time, or the tree is wrong
+            left, names = list(told.unproved), names or self._named(whole)
+            rays, capped = rays_of(found), told.capped
+            known |= {names[k]: rays[k] for k in {*every.tolist()}.difference(left)}
+            if len(left) <= MAX_RAY_LEAVES and self.reduced.cap == np.inf:
+                better = repaired(found, left, until)
+                found = with_rays(whole, [better.get(k, ray) for k, ray in enumerate(rays)])
+                told = checker.verify(found, until, among=np.array(left, dtype=np.int64))
+                known |= {names[k]: ray for k, ray in better.items() if told.ok or k not in (told.unproved or left)}
+            if not told.ok:
                 return self, False, whole.leaves[list(told.unproved)]
-            told = checker.verify(found, until, among=asked)  # all others were proved as they are, without a cap
+            if capped and not again:  # caps are those of all of them together
+                told = checker.verify(found, until, among=np.array(sorted({*left, *capped}), dtype=np.int64))
+        if again and told.ok:
+            told = checker.verify(found, until)
         mended = replace(self, cap=told.cap)
         mended.__dict__["certificate"] = found
         return mended, told.ok, whole.leaves[list(told.unproved)]
