@@ -15,10 +15,10 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import checked_rows, verify
 from handfast.proofs.fields import Array, Integers
 from handfast.proofs.kinds import CLOSED, OPEN, Row
-from handfast.proofs.leaves import Late
+from handfast.proofs.leaves import Late, LeafSystems
 from handfast.proofs.question import LARGEST_GOAL
 from handfast.proofs.rows import Columns
-from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL
+from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, TOO_SMALL
 from tests.support.proof_certificates import LEAVES, NODES, proof, walls
 from tests.support.proof_states import contact, pinch, question
 
@@ -206,7 +206,8 @@ def test_leaves_are_looked_at_in_batches_and_more_closely_once_all_were(
             looked.append(f"floats {' '.join(map(str, some))}")
             return np.array(margins)[some]
 
-        def more_exactly(before: Array, cap: float) -> tuple[Array, Array]:
+        def more_exactly(before: Array, cap: float, enough: float) -> tuple[Array, Array]:
+            assert enough == pytest.approx(ENOUGH_CAP)  # of a load of 1 N
             np.testing.assert_array_equal(before, np.array(margins)[some])
             looked.append(f"exactly {' '.join(map(str, some))}")
             given.append(cap)
@@ -236,7 +237,7 @@ def test_a_leaf_that_is_not_proved_may_end_it(
     looked: list[int] = []
 
     def systems(_: Any, __: Any, some: Integers, ___: Any) -> SimpleNamespace:
-        def more_exactly(before: Array, _: float) -> tuple[Array, Array]:
+        def more_exactly(before: Array, *_: float) -> tuple[Array, Array]:
             looked.extend(some.tolist())
             return np.where(some == 1, -1.0, 0.25), np.full(len(some), np.inf)
 
@@ -250,6 +251,23 @@ def test_a_leaf_that_is_not_proved_may_end_it(
     assert not found.ok
     assert found.reason.startswith("leaf 1 ")
     assert found.unproved == ((1,) if to_the_end else (1, 2))
+
+
+@pytest.mark.parametrize(("scalar", "far"), [(None, 0), ((-3.0, 2.0), -3), ((-3.0, 4.0), 4), ((2.0, np.inf), 2)])
+def test_enough_is_of_the_forces_in_play_at_the_far_end_of_the_range(
+    scalar: tuple[float, float] | None, far: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[tuple[float, float]] = []
+
+    def more_exactly(_: LeafSystems, margins: Array, cap: float, enough: float) -> tuple[Array, Array]:
+        given.append((cap, enough))
+        return margins, np.full(len(margins), np.inf)
+
+    monkeypatch.setattr(checker, "in_play", lambda _, magnitude: 10.0 + magnitude)
+    monkeypatch.setattr(LeafSystems, "more_exactly", more_exactly)
+    goal = {"goal": LARGEST_GOAL, "direction": [1, 0, 0, 0, 0, 0]} if scalar else {}
+    verify(Certificate.of_root(pinch([1, 0, 0, 0, 0, 0], **goal), scalar))
+    assert given == [(np.inf, (10 + far) * ENOUGH_CAP)]
 
 
 @pytest.mark.parametrize("late", range(4))

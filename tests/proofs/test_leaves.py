@@ -1045,6 +1045,15 @@ NONE = np.inf
 @pytest.mark.parametrize(
     ("exact", "cap", "gap", "exactly", "wanted"),
     [
+        # where a leaf has a cap, 40 N is enough
+        ([80, 90, 400, 70], NONE, 0, [3, 0], [80, 50, 200, 70]),
+        ([80, 90, 400, 45], NONE, 0, [3, 0], [80, 50, 200, 45]),
+        ([NONE, 90, 400, 70], NONE, 0, [3, 0], [NONE, 50, 200, 70]),
+        ([80, 90, 400, NONE], NONE, 0, [3, 0], [80, 50, 200, NONE]),
+        ([NONE, 90, 400, NONE], NONE, 0, [3, 0, 1], [NONE, 90, 200, NONE]),
+        ([80, 90, 400, NONE], 100.0, 0, [3, 0], [80, 50, 200, NONE]),
+        ([80, 90, 400, NONE], 100.0, 60, [3, 0, 1], [80, 90, 200, NONE]),
+        # it is no more than that
         ([8, 90, 400, 7], NONE, 0, [3, 0], [8, 50, 200, 7]),  # what floats do not show comes first
         ([8, 90, 400, 4], NONE, 0, [3], [5, 50, 200, 4]),
         ([8, 90, 400, 7], 5.0, 0, [3], [5, 50, 200, 7]),
@@ -1085,7 +1094,7 @@ def test_caps_that_another_leaf_makes_good_enough_are_those_of_floats(
 def judged_exactly(found: LeafSystems, cap: float) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         found.proved()
-        return found.more_exactly(np.full(len(found.count), -np.inf), cap)
+        return found.more_exactly(np.full(len(found.count), -np.inf), cap, 40.0)
 
 
 def test_what_failed_in_rational_numbers_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,9 +13,11 @@ from handfast.proofs.grasp import read_grasp
 from handfast.proofs.question import Question, read_question
 from handfast.proofs.tolerance import (
     COMPLETE_CAP,
+    ENOUGH_CAP,
     UNBOUNDED_FACTOR,
     drives,
     farthest,
+    in_play,
     load_scale,
     motion_size,
     size_of,
@@ -93,7 +95,7 @@ def quiet(**commands: float) -> dict[str, Any]:
 
 
 def test_constants() -> None:
-    assert (UNBOUNDED_FACTOR, COMPLETE_CAP) == (1e3, 1e4)
+    assert (UNBOUNDED_FACTOR, COMPLETE_CAP, ENOUGH_CAP) == (1e3, 1e4, 1e6)
 
 
 @pytest.mark.parametrize(
@@ -202,3 +204,15 @@ def test_the_farthest_magnitude() -> None:
     assert farthest(question(quiet(), "largest", direction=along)) == 1e3  # nothing else is in play
     for grasp in (small_grasp(), quiet()):  # files with a direction that is zero are refused
         assert farthest(replace(question(grasp, "largest", direction=along), direction=np.zeros(6))) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("magnitude", "command", "largest"), [(2.0, 0.0, 7.0), (-2.0, 0.0, 1.0), (2.0, 100.0, 0.0), (0.0, 0.0, 3.0)]
+)
+def test_in_play_are_the_whole_load_and_what_drives(magnitude: float, command: float, largest: float) -> None:
+    """3 N at the middle, and 2 N along them for each unit of the scalar; or a command of 100 N m that is more."""
+    along = np.array([0, 1, 0, *np.cross([1 / 4, -1 / 8, 1 / 8], [0, 1, 0])])
+    commands = {next(iter(small_grasp()["preload"])): command}
+    q = question(quiet(**commands), "largest", wrench=(3 * along).tolist(), direction=(2 * along).tolist())
+    assert in_play(q, magnitude) == pytest.approx(largest or drives(q))
+    assert (in_play(q, magnitude) == drives(q)) == (command > 0)

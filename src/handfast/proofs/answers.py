@@ -27,7 +27,7 @@ from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question,
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import SEARCH_STOPS, Figure, Refused, Replay
 from handfast.proofs.states import ContactMode, Problem, State, read_state
-from handfast.proofs.tolerance import COMPLETE_CAP, drives, farthest, load_scale, motion_size
+from handfast.proofs.tolerance import COMPLETE_CAP, farthest, in_play, motion_size
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
@@ -211,7 +211,7 @@ def cap_fault(q: Question, cap: float, magnitude: float, motion: Array | None) -
     The cap has to be far above every force in play at the bound, and beyond motion (6 + l,), what the answer's own
     witness moves by.
     """
-    most = max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q))
+    most = in_play(q, magnitude)
     moved = 0.0 if motion is None else motion_size(q.grasp, motion)
     said = f"it is proved for motions up to {cap:.3g} N only, "
     if cap < COMPLETE_CAP * most:

@@ -19,7 +19,7 @@ from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.kinds import Row
 from handfast.proofs.leaves import CitedRows, Late, LeafSystems, in_time
 from handfast.proofs.rows import Columns, LeafRows, zeros
-from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL
+from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, TOO_SMALL, in_play
 
 LEAF_BATCH = 256  # leaves whose rows are in memory at a time
 
@@ -78,6 +78,8 @@ def verify(
             right = RightSide.of(q, c.scalar, len(equations.E))
             if 0 < right.scale < MIN_FORCE_SCALE:
                 raise BadCertificate(TOO_SMALL)
+            far = max((x for x in c.scalar or () if np.isfinite(x)), key=abs, default=0.0)
+            enough = ENOUGH_CAP * in_play(q, far)
             margins, caps = np.full(leaves, -np.inf), np.full(leaves, np.inf)
 
             def systems(some: Integers) -> LeafSystems:
@@ -93,7 +95,7 @@ def verify(
             if len(left) and not quick:
                 for some in _batches(left if len(asked) > LEAF_BATCH else asked):
                     made = systems(some) if len(asked) > LEAF_BATCH else made
-                    margins[some], caps[some] = made.more_exactly(margins[some], caps.min())
+                    margins[some], caps[some] = made.more_exactly(margins[some], float(caps.min()), enough)
                     if not to_the_end and not (margins[some] > 0).all():
                         break
     except BadCertificate as fault:

@@ -202,7 +202,7 @@ def same(a: Any, b: Any) -> bool:
 MOST_MULTIPLICATIONS = 1 << 17  # BLAS begins threads from twice as many on
 
 
-def product(a: Array, b: Array) -> Array:
+def product(a: Array, b: Array | Mask) -> Array:
     """(..., k, p) a @ b, of few rows at a time: threads of BLAS only wait for each other in products of this size."""
     rows = max(1, MOST_MULTIPLICATIONS // max(1, b.shape[-2] * b.shape[-1]))
     if a.shape[-2] <= rows:

@@ -22,7 +22,8 @@ y as rounded numbers, and v follows from it by least squares. Multipliers w = (y
   to be independent. Mostly all others cancel exactly, too. Where columns depend on each other only but for rounding
   (points on a circle, parallel walls), what is left in the others is multiplied by a motion, or by a force of a
   contact, which is no larger than its motion. The margin then allows for motions up to a *cap* only, see
-  `Equations.reach`. Once one leaf has a cap, floating point does for all that it shows up to there.
+  `Equations.reach`. Once one leaf has a cap, floating point does for all that it shows up to there, or far above all
+  forces in play (`tolerance.ENOUGH_CAP`).
 
 All of F, b, E, h but grasp map and Jacobian are floating-point numbers taken as they are, see `rows.row_values`.
 Rounding is bounded from above: a sum of k products is wrong by at most k ulp of the sum of sizes, and `error` is four
@@ -223,15 +224,16 @@ class LeafSystems:
             squares += self._squares(some)
         return self._enclosed(squares)[0]
 
-    def more_exactly(self, margins: Array, cap: float) -> tuple[Array, Array]:
+    def more_exactly(self, margins: Array, cap: float, enough: float = np.inf) -> tuple[Array, Array]:
         """(L,) margins, of `proved` where that shows something; (L,) [N] the caps that they need, or inf.
 
         In independent rows and columns. Floating point does not know what is 0 in the others, and shows a leaf up to a
-        cap. Where that is no lower than a cap that another leaf needs, it will do: all hold up to the least.
+        cap. Where another leaf needs a cap, that will do if it is no lower, or enough: all hold up to the least.
 
         Args:
             margins: of `proved`.
-            cap: [N] that leaves elsewhere need.
+            cap: [N] that leaves elsewhere need; inf if they need none.
+            enough: [N] a cap that is as good as any, where there has to be one.
 
         Raises:
             Late: until [s] of `time.monotonic` is over.
@@ -259,7 +261,7 @@ class LeafSystems:
         gap, some = np.abs(self.equations.grasp.gaps).max(), np.flatnonzero(by_floats)
         cap = min(cap, float(caps[~by_floats & (margins > 0)].min(initial=np.inf)))
         for k in some[np.argsort(caps[some], kind="stable")].tolist():
-            if caps[k] < max(cap, gap):
+            if caps[k] < max(cap if cap == np.inf else min(cap, enough), gap):
                 in_time(self.until)
                 exact = exact_margin(self, k)
                 if exact[0] > 0:

@@ -26,6 +26,7 @@ MIN_FORCE_SCALE = 1e-100  # [N] nothing is proved of smaller scales: roundings o
 TOO_SMALL = f"the load and the commands are below {MIN_FORCE_SCALE:g} N, where rounding is not bounded"
 UNBOUNDED_FACTOR = 1e3  # times the other forces in play: a disturbance that is resisted up to there counts as unbounded
 COMPLETE_CAP = 1e4  # times all forces in play: a proof for motions inside a cap counts as complete from there on
+ENOUGH_CAP = 1e6  # likewise: where there has to be a cap, none is looked for beyond
 
 
 def about_centroid(g: GraspData, w: Array) -> Array:
@@ -96,6 +97,11 @@ def drives(q: Question) -> float:
     force = q.force_limit if np.isfinite(q.force_limit) else 0.0
     pressed = -g.gaps  # before a step of a load's path
     return float(max(x.max(initial=0.0) for x in (of_actuators, of_joints, back, pressed, np.array([force]))))
+
+
+def in_play(q: Question, magnitude: float) -> float:
+    """[N] the largest of all forces in play, with the direction at a magnitude."""
+    return max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q))
 
 
 def farthest(q: Question) -> float:

@@ -82,8 +82,8 @@ class Proof:
     def checked(self, until: float, known: dict[bytes, Rays]) -> tuple[Proof, bool, Indices]:
         """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
 
-        With other rays for leaves that those found do not prove. In later rounds, where the tree has changed, leaves
-        that are known are asked at the end, with all others.
+        With other rays for leaves that rounded ones do not prove: in the middle of all, or as they were found. In later
+        rounds, where the tree has changed, leaves that are known are asked at the end, with all others.
 
         until: [s] of `time.monotonic`, when there is no more time for it.
         known: the best rays that were accepted for `_named` leaves of this search, of which it gets more.
@@ -103,11 +103,13 @@ class Proof:
             left, names = list(told.unproved), names or self._named(whole)
             rays, capped = rays_of(found), told.capped
             known |= {names[k]: rays[k] for k in {*every.tolist()}.difference(left)}
+            as_found = rays_of(whole)
+            better = {k: as_found[k] for k in left}
             if len(left) <= MAX_RAY_LEAVES and self.reduced.cap == np.inf:
-                better = repaired(found, left, until)
-                found = with_rays(whole, [better.get(k, ray) for k, ray in enumerate(rays)])
-                told = checker.verify(found, until, among=np.array(left, dtype=np.int64))
-                known |= {names[k]: ray for k, ray in better.items() if told.ok or k not in (told.unproved or left)}
+                better |= repaired(found, left, until)
+            found = with_rays(whole, [better.get(k, ray) for k, ray in enumerate(rays)])
+            told = checker.verify(found, until, among=np.array(left, dtype=np.int64))
+            known |= {names[k]: ray for k, ray in better.items() if told.ok or k not in (told.unproved or left)}
             if not told.ok:
                 return self, False, whole.leaves[list(told.unproved)]
             if capped and not again:  # caps are those of all of them together
