@@ -396,7 +396,7 @@ def test_products_by_hand() -> None:
         dot(a, b[:2])
 
 
-@pytest.mark.parametrize("shape", [(700, 40), (3, 130, 90), (2, 0, 90), (5, 0), (0, 40), (1, 2**18)])
+@pytest.mark.parametrize("shape", [(109, 40), (700, 40), (3, 130, 90), (2, 0, 90), (5, 0), (0, 40), (1, 2**18)])
 def test_products_a_few_rows_at_a_time(shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Of whole numbers, exactly; no part is so large that BLAS begins threads for it, 2^18 multiplications."""
     rng = np.random.default_rng(3)

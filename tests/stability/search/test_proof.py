@@ -68,6 +68,11 @@ def test_one_that_rounding_spoils_gets_another(
     asked.clear()
     assert proof.checked(np.inf, known)[1]
     assert asked == [[], None]  # in the next round none is asked but by the whole
+    monkeypatch.setattr("handfast.stability.search.proof.repaired", lambda *_: {})
+    found, ok, _ = proof.checked(np.inf, {})  # or it is taken as it was found
+    own = slice(*found.certificate.start[2:4])
+    assert ok
+    assert (found.certificate.multiplier[own] == proof.certificate.multiplier[own]).all()
 
 
 def test_caps_are_those_of_all_leaves_together(
@@ -106,8 +111,10 @@ def test_a_leaf_without_any_ray_is_found_again(proof: Proof, monkeypatch: pytest
     assert ok
     assert checker.verify(found.certificate).ok
     monkeypatch.setattr("handfast.stability.search.proof.repaired", lambda *_: {})
-    _, ok, unproved = broken.checked(np.inf, {})
+    known: dict = {}
+    _, ok, unproved = broken.checked(np.inf, known)
     assert not ok
+    assert len(known) == len(proof.certificate.leaves) - 1
     assert unproved.tolist() == [proof.certificate.leaves[1]]
 
 
