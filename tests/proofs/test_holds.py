@@ -21,6 +21,7 @@ from handfast.proofs.answers import ANSWER_NOT_REPLAYED, SavedAnswer, read_answe
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
+from handfast.proofs.grasp import StartData
 from handfast.proofs.path_steps import LOADING, OTHER_PATHS, SavedPath
 from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, read_question
 from handfast.proofs.replay import Refused
@@ -568,6 +569,18 @@ def test_parts_are_replayed_as_what_they_are() -> None:
     assert (found.name, found.not_replayed) == ("a", (OTHER_PATHS, ANSWER_NOT_REPLAYED))
 
 
+def test_a_step_from_another_state_is_no_answer_about_a_preload() -> None:
+    """Contacts that were pressed before may hold what the preload does not."""
+    own = one_answer(jaws(1.0, 2.0))
+    g = own.question.grasp
+    start = StartData(np.full(g.m, -200.0), np.zeros(g.l), np.zeros(g.a))
+    pressed = replace(own, question=replace(own.question, grasp=g.with_start(start)))
+    one = of_jaws({"upper": 2.0}, loads={"a": TWO["a"]})
+    assert holds._held(replace(one, checks={"a": own})) is None
+    with pytest.raises(Refused, match=r"^a: the answer is about a step from another state, not from rest$"):
+        holds._held(replace(one, checks={"a": pressed}))
+
+
 @pytest.mark.parametrize("driven", [["left"], []])
 def test_what_shows_a_bound_seeks_all_commands(driven: list[str]) -> None:
     some = one_answer(jaws(1.0, 2.0, TORQUES, driven=driven), query="torques", lower=2.0, verdict="slips")
@@ -577,12 +590,20 @@ def test_what_shows_a_bound_seeks_all_commands(driven: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("limit", "verdict", "shown"), [(2.0, "undecided", False), (1.9, "undecided", True), (2.0, "slips", True)]
+    ("limit", "verdict", "objective", "shown"),
+    [
+        (2.0, "undecided", "max", False),
+        (1.9, "undecided", "max", True),
+        (2.0, "slips", "max", True),
+        (1.9, "undecided", "sum", False),  # of both, each of which may be 1
+        (2.0, "slips", "sum", True),
+    ],
 )
 def test_more_than_the_limit_is_needed_where_no_commands_within_it_hold(
-    limit: float, verdict: str, shown: bool
+    limit: float, verdict: str, objective: str, shown: bool
 ) -> None:
-    least = one_answer(jaws(1.0, 2.0, TORQUES, driven=["left", "right"]), query="torques", lower=2.0, verdict=verdict)
+    asked = jaws(1.0, 2.0, TORQUES, driven=["left", "right"], objective=objective)
+    least = one_answer(asked, query="torques", lower=2.0, verdict=verdict)
     saved = of_jaws({}, refuted=("a", least), command_limit=limit)
     if shown:
         assert [part.name for part in holds._refuted(saved)] == ["a, no commands"]

@@ -159,7 +159,7 @@ def of_maximum(goal: str = LARGEST_GOAL, base: float = 0.0, **said: Any) -> answ
     q = SimpleNamespace(
         goal=goal, has_scalar=goal != CHECK, homogeneous=goal == SMALLEST_PRELOAD, seeks_commands=False,
         wrench=base * ALONG if goal != CHECK else ALONG, direction=ALONG, torque_limits={}, force_limit=np.inf,
-        grasp=SimpleNamespace(command=np.zeros(2)), equivalent=SimpleNamespace(torque=np.zeros(2)),
+        grasp=SimpleNamespace(command=np.zeros(2), start=None), equivalent=SimpleNamespace(torque=np.zeros(2)),
     )  # fmt: skip
     return of_answer("max", q, **said)
 
@@ -277,7 +277,8 @@ def test_the_magnitude_that_is_proved_is_no_less_than_said(magnitude: tuple[floa
 @pytest.mark.parametrize(
     "change",
     [{"goal": SMALLEST_PRELOAD, "has_scalar": False}, {"torque_limits": {"a": 1.0}}, {"force_limit": 1.0},
-     {"grasp": SimpleNamespace(command=np.array([0.0, 1.0]))},
+     {"grasp": SimpleNamespace(command=np.array([0.0, 1.0]), start=None)},
+     {"grasp": SimpleNamespace(command=np.zeros(2), start="pressed")},
      {"equivalent": SimpleNamespace(torque=np.array([1.0, 0]))},
      {"wrench": np.zeros(6)}, {"goal": TORQUES, "has_scalar": True, "seeks_commands": True}],
 )  # fmt: skip
@@ -699,10 +700,13 @@ def test_the_state_of_an_answer_is_that_of_its_commands(monkeypatch: pytest.Monk
 
 
 def test_a_check_says_that_its_load_is_held_or_not() -> None:
-    q = SimpleNamespace(wrench=ALONG, goal=CHECK, grasp=SimpleNamespace(command="its own"), claim=lambda _: "none")
+    g = SimpleNamespace(command="its own", start=None)
+    q = SimpleNamespace(wrench=ALONG, goal=CHECK, grasp=g, claim=lambda _: "none")
     w, query = SimpleNamespace(wrench=ALONG * NEAR), answers.Query()
     held = query.held(of_answer("check", q), w)  # type: ignore[arg-type]
     assert held == ("the disturbance is resisted", ALONG, None, 0.0, "its own")
+    g.start = "pressed"
+    assert query.held(of_answer("check", q), w)[0] == "the disturbance is resisted from the state before"  # type: ignore[arg-type]
     w.wrench = ALONG * OFF
     with pytest.raises(Refused, match=r"^witness: it is a state under another disturbance$"):
         query.held(of_answer("check", q), w)  # type: ignore[arg-type]

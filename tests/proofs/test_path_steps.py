@@ -227,6 +227,27 @@ def test_a_state_that_is_proved_farther_away_is_not_gone_on_from(monkeypatch: py
     assert why == "step 0: the state that is proved is 2.0e-06 N from the numbers that the path goes on from"
 
 
+def test_many_steps_do_not_drift_away() -> None:
+    """The jaw presses with 1 N and carries 1 N across. 40 steps of 4e-7 more would let 1.00001 N of it be held."""
+    grasp = Grasp(
+        [Contact([-1, 0, 0], [1, 0, 0], 0.5, "a"), Contact([1, 0, 0], [-1, 0, 0], 0.5, "b")],
+        [GraspJoint("jaw", [1, 0, 0], [0, 0, 0], (0,), "prismatic")],
+        preload={"jaw": 1.0},
+    )
+    data = json.loads(json.dumps(check(grasp, [0, 0, -0.5], loading=FIRST).to_file()))
+    steps, pressed, count = [data["steps"][0]], 1.0, 40
+    steps[0]["witness"] |= {"r": [1.0, 0, 0, 0, 0, 0], "q": [2.0], "c": [1.0, 0, 0, 1.0, 0, 0], "f": [1.0]}
+    for k in range(1, count + 1):
+        start = {"gaps": [-pressed, -pressed], "stops": [0.0], "slack": [0.0]}
+        pressed, across = pressed * (1 + 4e-7), 0.25 * k / count
+        state = {"wrench": [0, 0, -2 * across, 0, 0, 0], "command": {"jaw": 1.0}, "r": [0.0] * 6, "q": [0.0]}
+        state |= {"c": [pressed, across, 0, pressed, -across, 0], "f": [pressed], "coupling": []}
+        steps.append({"magnitude": k / count, "from": start, "witness": state, "certificate": None})
+    reasons = [part.reason for part in replay(read_path(data | {"steps": steps})).parts]
+    assert reasons[:10] == [""] * 10
+    assert re.match(r"all steps together go on from numbers .* N from the states that are proved$", reasons[-1])
+
+
 def test_only_the_load_alone_may_be_scaled() -> None:
     driven, alone = (read_path(check(jaw(command=x), [1, 0, 0], loading=FIRST).to_file()).question for x in (1.0, 0.0))
     assert is_scale_free(alone)
@@ -479,10 +500,10 @@ def test_steps_follow_from_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     steps = replace(path("check", "holds"), steps=(rest, more, replace(more, magnitude=1.0)))
     monkeypatch.setattr(
-        path_steps, "_not_from", lambda before, start: "" if before is rest else "is no step from there"
+        path_steps, "_apart", lambda before, start: (0.25, "") if before is rest else (0.0, "is no step from there")
     )
-    assert path_steps._linked(steps, 0, rest, None) is None
-    assert path_steps._linked(steps, 1, more, rest) is None
+    assert path_steps._linked(steps, 0, rest, None) == 0
+    assert path_steps._linked(steps, 1, more, rest) == 0.25
     for k, step, before, why in (
         (0, replace(rest, magnitude=0.5), None, "step 0: is not of the commands alone, from rest"),
         (0, replace(more, magnitude=0.0), None, "step 0: is not of the commands alone, from rest"),
@@ -518,8 +539,10 @@ def witness(command: float = 1.0, load: float = 2.0) -> Any:
 
 @pytest.mark.parametrize(("radius", "near"), [(0.5, True), (0.51, False), (np.nan, False)])
 def test_a_state_is_gone_on_from_where_it_is_proved(radius: float, near: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And all steps together from no farther than 1e-5 of what acts, 60 kN."""
     q = asked(1.0)
     monkeypatch.setattr(path_steps, "near_enough", lambda p, x: 0.5)
+    monkeypatch.setattr(path_steps, "acting", lambda p, x: 6e4)
     monkeypatch.setattr(
         path_steps, "prove", lambda p, x, within: replace(PROVED, radius=radius) if within == 0.5 else None
     )
@@ -529,6 +552,9 @@ def test_a_state_is_gone_on_from_where_it_is_proved(radius: float, near: bool, m
     assert (found.radius == radius or radius != radius, part.name, part.reason) == (True, "step 2", "" if near else far)
     assert part.claim.startswith("0.5 times the load is resisted from the state before")
     assert path_steps._state(0, step)[1].claim.startswith("the commands alone are in balance")
+    for before, together in ((0.099, True), (0.101, False), (np.nan, False)):
+        drift = f"all steps together go on from numbers {before + radius:.1e} N from the states that are proved"
+        assert path_steps._state(2, step, before)[1].reason == (("" if together else drift) if near else far)
     for other in (witness(command=1.1), witness(load=2.1)):
         with pytest.raises(
             Refused, match=r"^step 2: its witness is a state under another load, or with other commands$"
@@ -545,10 +571,16 @@ def test_what_all_states_of_a_path_have_in_common(fails: bool, monkeypatch: pyte
     found = [replace(PROVED, exact=k != 1, motion=(2.0, 5.0, 3.0)[k]) for k in range(3)]
     seen: list[Any] = []
 
-    def state(k: int, step: Step) -> tuple[Proved, Replay]:
+    def state(k: int, step: Step, apart: float) -> tuple[Proved, Replay]:
+        before.append(apart)
         return found[k], Replay(f"step {k}", "", "is wrong" if fails and k == 1 else "")
 
-    monkeypatch.setattr(path_steps, "_linked", lambda *link: seen.append(link[1:]))
+    def linked(*link: Any) -> float:
+        seen.append(link[1:])
+        return 0.125 * link[1]
+
+    before: list[float] = []
+    monkeypatch.setattr(path_steps, "_linked", linked)
     monkeypatch.setattr(path_steps, "_state", state)
     monkeypatch.setattr(path_steps, "_none", lambda *end: (Replay("certificate"), 7.0))
     monkeypatch.setattr(path_steps, "_compare", lambda *said: seen.append(said))
@@ -556,6 +588,7 @@ def test_what_all_states_of_a_path_have_in_common(fails: bool, monkeypatch: pyte
     assert (done.name, done.ok, [part.name for part in done.parts]) == (
         "check", not fails, ["step 0", "step 1", "step 2", "certificate"]
     )  # fmt: skip
+    assert before == [0, 0.25 + 0.125, 2 * 0.25 + 0.125 + 0.25]  # radii, and how far starts are from where they came
     steps = saved.steps
     assert seen[:4] == [(0, steps[0], None), (1, steps[1], steps[0]), (2, steps[2], steps[1]), (3, steps[3], steps[2])]
     of_steps = {"exact": False, "motion": 5.0, "motion_cap": 7.0}
@@ -602,7 +635,9 @@ def test_how_far_a_start_may_be_from_where_the_state_came_to(
     monkeypatch.setattr(path_steps, "came_from", lambda p, x: (came, room) if x is STATE.state else None)
     own = getattr(came, name).copy()
     own[-1] += by
-    fault = path_steps._not_from(Step(0.5, asked(), STATE, None), replace(came, **{name: own}))
+    apart, fault = path_steps._apart(Step(0.5, asked(), STATE, None), replace(came, **{name: own}))
+    unit = 1.0 if name == "gaps" else asked().grasp.row_units[asked().grasp.parts[2 if name == "slack" else 4]][-1]
+    assert apart == (pytest.approx(abs(by) / unit) if near else 0.0)
     assert fault == ("" if near else f"its {name} are not those to which the state before came")
 
 

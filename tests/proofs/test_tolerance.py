@@ -216,3 +216,19 @@ def test_in_play_are_the_whole_load_and_what_drives(magnitude: float, command: f
     q = question(quiet(**commands), "largest", wrench=(3 * along).tolist(), direction=(2 * along).tolist())
     assert in_play(q, magnitude) == pytest.approx(largest or drives(q))
     assert (in_play(q, magnitude) == drives(q)) == (command > 0)
+
+
+@pytest.mark.parametrize(("ratio", "force"), [(None, 0.0), (1.0, 300.0), (-1e-3, 3e5), (1e6, 3e-4)])
+def test_what_a_coupling_drives_is_in_play(ratio: float | None, force: float) -> None:
+    """A motor of 300 N on a slide that moves no contact, and a jaw that moves `ratio` times as far."""
+    slides = [
+        {"name": name, "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": moved}
+        for name, moved in (("jaw", [1]), ("slide", []))
+    ]
+    grasp = quiet() | {"joints": slides, "preload": {"motor": 300.0}}
+    coupled = [{"jaw": 1.0, "slide": -ratio}] if ratio else []
+    grasp["mechanism"] = {"actuators": [{"name": "motor", "joints": {"slide": 1.0}}], "couplings": coupled}
+    along = np.array([0, 1, 0, *np.cross([1 / 4, -1 / 8, 1 / 8], [0, 1, 0])])
+    q = question(grasp, "largest", direction=along.tolist())
+    assert drives(q) == pytest.approx(force)
+    assert farthest(q) == pytest.approx(1e3 * (force or 1.0))

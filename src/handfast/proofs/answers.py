@@ -259,7 +259,8 @@ class Query:
         q = saved.question
         if not close(w.wrench, q.wrench):
             raise Refused("witness: it is a state under another disturbance")
-        return "the disturbance is resisted", q.wrench, None, 0.0, q.grasp.command
+        claim = "the disturbance is resisted" + ("" if q.grasp.start is None else " from the state before")
+        return claim, q.wrench, None, 0.0, q.grasp.command
 
     def least(self, saved: SavedAnswer) -> float:
         """The magnitude that its witness has to reach; -inf without one."""
@@ -491,7 +492,8 @@ def line(saved: SavedAnswer) -> tuple[Array, Array]:
     if q.has_scalar and not q.seeks_commands:
         return q.wrench, q.direction
     limited = bool(q.torque_limits) or np.isfinite(q.force_limit)
-    if q.goal != CHECK or q.grasp.command.any() or q.equivalent.torque.any() or limited or not q.wrench.any():
+    other = limited or q.grasp.command.any() or q.equivalent.torque.any() or q.grasp.start is not None
+    if q.goal != CHECK or other or not q.wrench.any():
         raise Refused(f"is of a maximum, its question of '{q.goal}'")
     return np.zeros(6), q.wrench
 

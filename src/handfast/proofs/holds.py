@@ -219,6 +219,7 @@ def _refuted(saved: SavedHold) -> list[Replay]:
     _same_question(saved, name, answer)
     _all_commands(saved, name, answer)
     more = isinstance(answer.said.get("lower"), float) and answer.said["lower"] > saved.command_limit
+    more &= not answer.question.sums  # a sum is more than the largest of them
     if answer.said["query"] != "torques" or (answer.said["verdict"] != "slips" and not more):
         raise Refused(f"{name}: the answer does not say that it slips")
     return [replace(answers.replay(answer), name=f"{name}, no commands")]
@@ -248,6 +249,8 @@ def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
         raise Refused(f"{name}: the answer is within other limits, or of another law of friction")
     if not q.grasp.same_but_commands(asked.grasp):
         raise Refused(f"{name}: the answer is about another grasp")
+    if q.grasp.start is not None or asked.grasp.start is not None:
+        raise Refused(f"{name}: the answer is about a step from another state, not from rest")
     back = asked.grasp.backdrivable
     if (q.grasp.command[back] != asked.grasp.command[back]).any():
         raise Refused(f"{name}: the answer is about other commands of backdrivable actuators")

@@ -43,6 +43,9 @@ from handfast.proofs.tolerance import drives, farthest, motion_size
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
 PATH_KEYS = "by_steps", "other_choice", "resolution"  # keys that tell of other paths
+# relative to the forces that act: by how much the numbers that steps go on from may differ from the states that are
+# proved, all steps together
+PATH_DEVIATION = 1e-5
 OTHER_PATHS = f"{', '.join(PATH_KEYS)}: paths of other steps, and of other states where a step has several"
 QUERIES = "check", "max", "torques"
 
@@ -108,16 +111,17 @@ def replay(saved: SavedPath) -> Replay:
     parts: list[Replay] = []
     reason, before = "", None
     last: Proved | None = None
-    exact, motion, cap = True, 0.0, None
+    exact, motion, cap, apart = True, 0.0, None, 0.0
     try:
         for k, step in enumerate(saved.steps):
-            _linked(saved, k, step, before)
+            apart += _linked(saved, k, step, before)
             if step.witness is None:
                 part, cap = _none(saved, k, step, before)
                 parts.append(part)
                 continue
-            last, part = _state(k, step)
+            last, part = _state(k, step, apart)
             parts.append(part)
+            apart += last.radius
             exact, before, motion = exact and last.exact, step, max(motion, last.motion)
         lowest = 0.0
         if saved.sought is not None:
@@ -131,35 +135,38 @@ def replay(saved: SavedPath) -> Replay:
     return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(OTHER_PATHS, ANSWER_NOT_REPLAYED))
 
 
-def _linked(saved: SavedPath, k: int, step: Step, before: Step | None) -> None:
-    """`Refused` if a step is none from the state before."""
+def _linked(saved: SavedPath, k: int, step: Step, before: Step | None) -> float:
+    """[N] how far a step's start is from the state before. `Refused` if it is none from there."""
     start = step.question.grasp.start
     if k == 0:
         if start is not None or step.magnitude != 0:
             raise Refused("step 0: is not of the commands alone, from rest")
-        return
+        return 0.0
     if before is None or before is not saved.steps[k - 1]:
         raise Refused(f"step {k}: the one before it has no state")
     if not step.magnitude > before.magnitude:
         raise Refused(f"step {k}: its load is not larger than the one before")
     if start is None:
         raise Refused(f"step {k}: does not say where it starts from")
-    assert before.witness is not None
-    fault = _not_from(before, start)
+    apart, fault = _apart(before, start)
     if fault:
         raise Refused(f"step {k}: {fault}")
+    return apart
 
 
-def _not_from(before: Step, start: StartData) -> str:
-    """What a start is not of the state of the step before; "" if nothing."""
+def _apart(before: Step, start: StartData) -> tuple[float, str]:
+    """[N] how far a start is from the state of the step before; and what it is not of that state, "" if nothing."""
     assert before.witness is not None
     p = _problem(before)
     came, room = came_from(p, before.witness.state)
-    for name in ("gaps", "stops", "slack"):
-        own, there, most = getattr(start, name), getattr(came, name), getattr(room, name)
-        if not (np.abs(own - there) <= most).all():
-            return f"its {name} are not those to which the state before came"
-    return ""
+    most, (_, _, actuators, _, joints) = 0.0, p.grasp.parts
+    units = {"gaps": np.ones(p.grasp.m), "stops": p.grasp.row_units[joints], "slack": p.grasp.row_units[actuators]}
+    for name, unit in units.items():
+        off, allowed = np.abs(getattr(start, name) - getattr(came, name)), getattr(room, name)
+        if not (off <= allowed).all():
+            return most, f"its {name} are not those to which the state before came"
+        most = max(most, float((off / unit).max(initial=0.0)))
+    return most, ""
 
 
 def _problem(step: Step) -> Problem:
@@ -167,8 +174,8 @@ def _problem(step: Step) -> Problem:
     return Problem.of(q, q.grasp.command, q.wrench)
 
 
-def _state(k: int, step: Step) -> tuple[Proved, Replay]:
-    """Is the state of a step proved?"""
+def _state(k: int, step: Step, apart: float = 0.0) -> tuple[Proved, Replay]:
+    """Is the state of a step proved? apart: [N] of the steps before, how far they went on from what is proved."""
     w, q = step.witness, step.question
     assert w is not None
     claim = f"{step.magnitude:.6g} times the load is resisted from the state before"
@@ -183,6 +190,8 @@ def _state(k: int, step: Step) -> tuple[Proved, Replay]:
     fault = ""
     if not found.radius <= reach:
         fault = f"the state that is proved is {found.radius:.1e} N from the numbers that the path goes on from"
+    elif not apart + found.radius <= PATH_DEVIATION * acting(problem, w.state):
+        fault = f"all steps together go on from numbers {apart + found.radius:.1e} N from the states that are proved"
     return found, held(f"step {k}", claim, found, fault)
 
 

@@ -14,9 +14,10 @@ from __future__ import annotations
 from math import hypot
 
 import numpy as np
+from flint import fmpq_mat
 
-from handfast.proofs.fields import Array
-from handfast.proofs.grasp import GraspData
+from handfast.proofs.fields import Array, Mask, rationals, rounded
+from handfast.proofs.grasp import LENGTH_ROUNDING, GraspData
 from handfast.proofs.question import Question
 
 UNIT_ROUNDOFF = 2.0**-53  # relative error of one rounded operation
@@ -84,19 +85,51 @@ def slack_units(g: GraspData) -> Array:
 def drives(q: Question) -> float:
     """[N] the largest of commands, limits, given torques and friction of joints, each where it meets a contact.
 
-    In a step of a load's path contact forces from before as well.
+    In a step of a load's path contact forces from before as well. Of joints that couplings drive at the contacts of all
+    that they drive, too: a motor may turn a joint that itself moves none.
     """
-    g, e = q.grasp, q.equivalent
-    touching = g.J.any(axis=0) | g.twist_jacobian.any(axis=0)
-    moves = (g.R[:, touching] != 0).any(axis=1)
-    limits = np.array([q.torque_limits.get(name, 0.0) for name in g.actuators])
-    of_actuators = (np.maximum(np.abs(g.command) * (not q.seeks_commands), limits) / g.actuator_arms)[moves]
-    free = touching & ~e.held
-    of_joints = ((np.abs(g.torque) + g.friction) / g.joint_arms)[free]
-    back = (np.abs(g.command) / g.actuator_arms)[moves & g.backdrivable]
+    g = q.grasp
     force = q.force_limit if np.isfinite(q.force_limit) else 0.0
     pressed = -g.gaps  # before a step of a load's path
-    return float(max(x.max(initial=0.0) for x in (of_actuators, of_joints, back, pressed, np.array([force]))))
+    own = [_drives(q, np.eye(g.l)), *([_drives(q, ways(g.A))] if len(g.A) else [])]
+    return float(max(*own, force, pressed.max(initial=0.0)))
+
+
+def _drives(q: Question, moved: Array) -> float:
+    """[N] the largest of commands, limits, given torques and friction, where joints move in some ways (l, d)."""
+    g = q.grasp
+    arms, touching = _arms(g, moved)
+    R = np.abs(g.R @ moved)
+    moves = (R[:, touching] != 0).any(axis=1)
+    own = np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1, initial=np.inf)
+    limits = np.array([q.torque_limits.get(name, 0.0) for name in g.actuators])
+    commands = np.maximum(np.abs(g.command) * (g.backdrivable | (not q.seeks_commands)), limits)
+    free = touching & ((moved != 0) & ~q.equivalent.held[:, None]).any(axis=0)
+    of_joints = (np.abs(g.torque) + g.friction) @ np.abs(moved) / arms
+    return max(float((commands / own)[moves].max(initial=0.0)), float(of_joints[free].max(initial=0.0)))
+
+
+def ways(A: Array) -> Array:
+    """(l, d) how joints may move where couplings (k, l) hold: each column moves one by 1, and those that it drives."""
+    k, l = A.shape
+    reduced, rank = fmpq_mat(k, l, rationals(A.ravel())).rref() if k and l else (None, 0)
+    rows = [] if reduced is None else [[reduced[i, j] for j in range(l)] for i in range(rank)]
+    driven = [next(j for j, x in enumerate(row) if x) for row in rows]
+    own = [j for j in range(l) if j not in driven]
+    out = np.zeros((l, len(own)))
+    out[own, np.arange(len(own))] = 1.0
+    for j, row in zip(driven, rows, strict=True):
+        out[j] = [-rounded(row[k]) for k in own]
+    return out
+
+
+def _arms(g: GraspData, moved: Array) -> tuple[Array, Mask]:
+    """(d,) motion of the contacts for a unit of each way of the joints, as `GraspData.joint_arms`; do they touch?"""
+    J, twist = g.J @ moved, g.twist_jacobian @ moved
+    arms, sums = (np.sqrt((x * x).sum(axis=0)) for x in (J, g.sizes[1] @ np.abs(moved)))
+    turned, units = np.sqrt((twist**2).sum(axis=0)), g.joint_units @ np.abs(moved)
+    arms = np.where(arms > LENGTH_ROUNDING * sums, arms, np.where(turned > 0, turned, units))
+    return arms, np.asarray(J.any(axis=0) | twist.any(axis=0))
 
 
 def in_play(q: Question, magnitude: float) -> float:

@@ -185,6 +185,20 @@ def test_coupled_and_tendon_driven_fingers() -> None:
         assert_bounds(maximum(g, w(0, 1, 0)), 1.0)
 
 
+@pytest.mark.parametrize("command", [1.0, 1e5])
+@pytest.mark.parametrize("ratio", [1.0, -1e-3])
+def test_a_motor_may_drive_a_jaw_by_a_slide_that_touches_nothing(command: float, ratio: float) -> None:
+    """Both contacts press with command / ratio, and carry half of that each, friction being a half."""
+    contacts = [Contact([x, 0, 0], [-x, 0, 0], 0.5) for x in (-1.0, 1.0)]
+    joints = [GraspJoint(name, [1, 0, 0], [0, 0, 0], on, "prismatic") for name, on in (("jaw", (0,)), ("slide", ()))]
+    belt = Mechanism(("motor",), np.array([[0.0, 1.0]]), np.array([[1.0, -ratio]]), (False,))
+    grasp = Grasp(contacts, joints, belt, preload={"motor": np.sign(ratio) * command})
+    most = queries.maximum(grasp, Z)
+    assert most.lower == pytest.approx(command / abs(ratio), rel=1e-3)
+    assert most.upper == pytest.approx(most.lower, rel=1.001e-3)
+    assert most.verify().ok
+
+
 def test_a_free_joint_carries_nothing() -> None:
     """A joint in no actuator swings: the right finger cannot press, so nothing is resisted across."""
     g = pinch()

@@ -19,6 +19,7 @@ from handfast.proofs.existence import MODE_TRIES, Proved, nearby
 from handfast.proofs.newton import NotShown, System
 from handfast.proofs.states import Modes, Problem
 from handfast.proofs.states import State as StateData
+from handfast.proofs.tolerance import farthest
 from handfast.stability.answers.answer import Answer, finite, state_json
 from handfast.stability.answers.load_path import LoadPath, StepAnswer, comes_after, path_end
 from handfast.stability.problem import scaled_problem
@@ -266,7 +267,8 @@ def shown_maximum(posed: BoundProblem, found: Outcome) -> MaxAnswer:
         verdict, end = Verdict.HOLDS, p.last_magnitude
         if goal.has_scalar:
             lower, upper = goal.bounds(p, found.value, found.bound)
-            unbounded = bool(lower >= end * (1 - END_TOLERANCE))
+            least = farthest(posed.question) if lower >= end * (1 - END_TOLERANCE) else INF
+            unbounded = bool(lower >= least * (1 - END_TOLERANCE))
             w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
         else:
             lower, unbounded, w = end, True, _scaled(w, end, p.grasp)

@@ -15,6 +15,7 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross, cross_rows
 from handfast.model.grasp import Grasp
+from handfast.proofs.tolerance import ways
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -23,6 +24,7 @@ from handfast.stability.problem.model import State
 
 BALANCE_TOLERANCE = 1e-9  # relative: forces that miss a disturbance by less balance it
 UNBOUNDED_DISTURBANCE = 1e4  # a disturbance this many times the other forces in play counts as unbounded
+COUPLING_ROUNDING = 1e-12  # relative: motions of contacts that are less are none
 RUBS = 0.1  # share of a joint's dry friction that is a force in play: it is the most that may act, not what acts
 
 
@@ -115,7 +117,7 @@ class ScaledProblem:
     def strongest(self) -> float:
         """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
         limits = _limits(self.grasp, self.limits)
-        return max([self.force, *limits, self.equivalent.largest_friction])
+        return max([self.force, *limits, self.equivalent.largest_friction, _by_couplings(self.grasp)])
 
     @property
     def is_given(self) -> bool:
@@ -378,6 +380,7 @@ def scales(
         direction = np.where(others > 0, 2.0 ** np.round(np.log2(others / size)), 1.0)
     force = np.where(others > 0, others, size)
     strongest = np.maximum(force, max([*_limits(grasp, limits), same.largest_friction]))
+    strongest = np.maximum(strongest, _by_couplings(grasp))
     return Scales(force, direction, UNBOUNDED_DISTURBANCE * strongest / size)
 
 
@@ -386,6 +389,18 @@ def _largest_command(grasp: AnyGrasp) -> Any:
     """[N] the largest command as a force at a contact."""
     commands = np.abs(grasp.command) / model.actuator_arms(grasp)
     return np.where(_takes_part(grasp), commands, 0.0).max(axis=-1, initial=0.0)
+
+
+@lru_cache(maxsize=8)
+def _by_couplings(grasp: AnyGrasp) -> Any:
+    """[N] the largest command as a force at a contact to which couplings take it; 0 without couplings."""
+    if not len(grasp.mechanism.A):
+        return 0.0
+    moved = ways(grasp.mechanism.A)
+    arms, R = np.linalg.norm(grasp.J @ moved, axis=-2), np.abs(grasp.mechanism.R @ moved)
+    touches = arms > COUPLING_ROUNDING * np.linalg.norm(np.abs(grasp.J) @ np.abs(moved), axis=-2)
+    arms = np.where((R > 0) & touches[..., None, :], arms[..., None, :] / np.where(R > 0, R, 1.0), np.inf).min(axis=-1)
+    return (np.abs(grasp.command) / arms).max(axis=-1, initial=0.0)
 
 
 def _given(same: EquivalentGrasp) -> float:
@@ -418,8 +433,11 @@ def _limits(grasp: AnyGrasp, limits: GraspLimits, *, with_torques: bool = True) 
 
 
 def _takes_part(grasp: AnyGrasp) -> Mask:
-    """(a,) bool: actuators that move a contact."""
-    out: Mask = ((grasp.mechanism.R != 0) & grasp.touches[..., None, :]).any(axis=-1)
+    """(a,) bool: actuators that move a contact, be it by joints that couplings drive."""
+    tied, coupled = grasp.touches, grasp.mechanism.A != 0
+    for _ in coupled:
+        tied = tied | ((tied[..., None, :] & coupled).any(axis=-1)[..., None] & coupled).any(axis=-2)
+    out: Mask = ((grasp.mechanism.R != 0) & tied[..., None, :]).any(axis=-1)
     return out
 
 

@@ -101,7 +101,7 @@ class Proof:
             if not told.unproved:
                 return self, False, none  # there was no time, or the tree is wrong
             left, names = list(told.unproved), names or self._named(whole)
-            rays, capped = rays_of(found), told.capped
+            rays, again = rays_of(found), True
             known |= {names[k]: rays[k] for k in {*every.tolist()}.difference(left)}
             as_found = rays_of(whole)
             better = {k: as_found[k] for k in left}
@@ -112,9 +112,7 @@ class Proof:
             known |= {names[k]: ray for k, ray in better.items() if told.ok or k not in (told.unproved or left)}
             if not told.ok:
                 return self, False, whole.leaves[list(told.unproved)]
-            if capped and not again:  # caps are those of all of them together
-                told = checker.verify(found, until, among=np.array(sorted({*left, *capped}), dtype=np.int64))
-        if again and told.ok:
+        if again:  # caps are those of all of them together
             told = checker.verify(found, until)
         mended = replace(self, cap=told.cap)
         mended.__dict__["certificate"] = found
