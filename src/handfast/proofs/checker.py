@@ -19,7 +19,7 @@ from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.kinds import Row
 from handfast.proofs.leaves import CitedRows, Late, LeafSystems, in_time
 from handfast.proofs.rows import Columns, LeafRows, zeros
-from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, TOO_SMALL, in_play
+from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, MIN_SIZE, TOO_SMALL, in_play
 
 LEAF_BATCH = 256  # leaves whose rows are in memory at a time
 
@@ -76,7 +76,7 @@ def verify(
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
             equations = equations_of(q)
             right = RightSide.of(q, c.scalar, len(equations.E))
-            if 0 < right.scale < MIN_FORCE_SCALE:
+            if 0 < right.scale < MIN_FORCE_SCALE or q.grasp.size < MIN_SIZE:
                 raise BadCertificate(TOO_SMALL)
             far = max((x for x in c.scalar or () if np.isfinite(x)), key=abs, default=0.0)
             enough = ENOUGH_CAP * in_play(q, far)

@@ -125,8 +125,8 @@ class Equations:
         force, torque = rest[:, :3], rest[:, 3:6]
         arm = float(np.linalg.norm(g.centroid))
 
-        def length(x: Array) -> Array:
-            return np.asarray(np.linalg.norm(x, axis=1))
+        def length(x: Array) -> Array:  # squares would underflow
+            return np.asarray(np.hypot.reduce(x, axis=1))
 
         about = torque - np.cross(g.centroid, force)
         rounding = 16 * UNIT_ROUNDOFF * (length(torque) + arm * length(force))
@@ -298,7 +298,7 @@ class RightSide:
         ends = scalar or (0.0, 0.0)
         slack, growth = EPS * of_load, EPS * grows
         most = max(of_load, grows)
-        return cls(h, exact, slack * units, growth * units, slack, growth, WORK * of_load**2, most, ends)
+        return cls(h, exact, slack * units, growth * units, slack, growth, WORK * of_load * of_load, most, ends)
 
     def costs(self, q: Equations, v: Array, change: Array, z: Array, z_change: Array) -> tuple[Array, Array]:
         """(L,) upper bounds on what slack and growth take, for multipliers that differ from these by change at most.
@@ -311,7 +311,7 @@ class RightSide:
         far = np.abs(z) + z_change
         slips[:, :, :3] = far[:, : 3 * m].reshape(-1, m, 3)
         slips[:, soft, 3] = far[:, 3 * m :]
-        slipped = np.sqrt((slips**2).sum(axis=2)).sum(axis=1)
+        slipped = np.hypot.reduce(slips, axis=2).sum(axis=1)
         slack, growth = size @ self.slack + slipped * self.slip, size @ self.growth + slipped * self.slip_growth
         return slack * (1 + 1e-9), growth * (1 + 1e-9)
 

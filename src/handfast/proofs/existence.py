@@ -16,6 +16,7 @@ import numpy as np
 from handfast.proofs.balls import refined, solution
 from handfast.proofs.fields import Array, Mask
 from handfast.proofs.grasp import GraspData
+from handfast.proofs.intervals import UNDERFLOW_BOUND
 from handfast.proofs.near import Near, near
 from handfast.proofs.newton import Box, NotShown, System
 from handfast.proofs.states import (
@@ -30,7 +31,7 @@ from handfast.proofs.states import (
     reaction_ends,
     sense,
 )
-from handfast.proofs.tolerance import MIN_FORCE_SCALE, TOO_SMALL, UNIT_ROUNDOFF, motion_size
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, MIN_SIZE, TOO_SMALL, UNIT_ROUNDOFF, motion_size
 
 # relative to the forces that act: how far the forces that are proved may be from the printed ones
 FORCE_DEVIATION = 1e-6
@@ -77,7 +78,7 @@ def prove(p: Problem, x: State, least: float = -np.inf, within: float = np.inf, 
         shown only where x itself misses too much.
     tries: modes that are tried, the likeliest first.
     """
-    if not p.scale >= MIN_FORCE_SCALE:
+    if not (p.scale >= MIN_FORCE_SCALE and p.grasp.size >= MIN_SIZE):
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
@@ -241,12 +242,12 @@ def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Ma
     d, d_off = box.d[..., T], box.d_off[T] + 8 * UNIT_ROUNDOFF * np.abs(box.d[..., T])
     c, c_off = box.phi[..., T], box.phi_off[T] + 8 * UNIT_ROUNDOFF * np.abs(box.phi[..., T])
     _, _, actuators, _, joints = g.parts
-    length = lambda x: np.sqrt((x * x).sum(axis=-1)) * (1 + 8 * UNIT_ROUNDOFF)  # noqa: E731
+    length = lambda x: np.hypot.reduce(x, axis=-1) * (1 + 16 * UNIT_ROUNDOFF)  # noqa: E731  # squares would underflow
     slides = length(d[..., 1:]) * (1 - 32 * UNIT_ROUNDOFF) - length(d_off[..., 1:])
     gap = g.gaps + p.cos * (d[..., 0] - d_off[..., 0]) + p.sin * np.maximum(slides, 0.0)
     gap = gap - np.where(g.gaps != 0, 16 * UNIT_ROUNDOFF * (np.abs(g.gaps) + np.abs(d[..., 0])), 0.0)
     presses = c[..., 0] - c_off[..., 0]
-    inside = g.mu * presses * (1 - 8 * UNIT_ROUNDOFF) - length(c[..., 1:]) - length(c_off[..., 1:])
+    inside = g.mu * presses * (1 - 8 * UNIT_ROUNDOFF) - length(c[..., 1:]) - length(c_off[..., 1:]) - UNDERFLOW_BOUND
     rubs = ((modes.contact == ContactMode.STICKS) | (modes.contact == ContactMode.RUBS)) & (
         g.mu > 0
     )  # LEANS is by its ratio

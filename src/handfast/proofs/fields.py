@@ -239,8 +239,11 @@ def dot(a: Iterable[fmpq], b: Iterable[fmpq]) -> fmpq:
 
 
 def rounded(x: fmpq) -> float:
-    """The nearest floating-point number; integers of any length."""
-    return int(x.p) / int(x.q)
+    """The nearest floating-point number; integers of any length. Infinite beyond the largest."""
+    try:
+        return int(x.p) / int(x.q)
+    except OverflowError:
+        return math.copysign(math.inf, int(x.p))
 
 
 def not_zero(x: fmpq) -> float:

@@ -287,9 +287,14 @@ class GraspData:
 
     @cached_property
     def sizes(self) -> Maps:
-        """As G, J, twist map and twist Jacobian, sums of absolute values: rounding is at most a few ulp of these."""
-        places = self.positions, self.frames, self.axes, self.origins, self.lever
-        return self._built(_crossed, np.add, *(np.abs(x) for x in places))
+        """As G, J, twist map and twist Jacobian, sums of absolute values: rounding is at most a few ulp of these.
+
+        They are 0 only where the exact entries are, though products underflow.
+        """
+        places = [np.abs(x) for x in (self.positions, self.frames, self.axes, self.origins, self.lever)]
+        sums, some = (self._built(_crossed, np.add, *own) for own in (places, [(x > 0).astype(float) for x in places]))
+        G, J, twist, turned = (np.where(y > 0, np.maximum(x, 5e-324), 0.0) for x, y in zip(sums, some, strict=True))
+        return G, J, twist, turned
 
     def _built(
         self, product: Any, less: Any, positions: Array, frames: Array, axes: Array, origins: Array, lever: Array

@@ -274,22 +274,20 @@ class PathCommands:
         inf if the rows contradict each other, 0 if nothing is shown.
         """
         sums: dict[int, fmpq] = {}
-        right, missed = ZERO, 0.0
+        right, missed, reach = ZERO, ZERO, rational(STATE_REACH * self.scale)
         for row, y in zip(rows, multipliers, strict=True):
             exact = rational(y)
             for column, v in row.terms.items():
                 sums[column] = sums.get(column, ZERO) + exact * v
             right += exact * row.right
-            missed += abs(y) * row.slack
+            missed += abs(exact) * rational(row.slack)
         by = sums.pop(self.measure, ZERO)
         if by < 0:
             return 0.0
-        reach = STATE_REACH * self.scale
         for column, v in sums.items():
-            missed += abs(not_zero(v)) * reach * float(self.units[column])
-        if not np.isfinite(missed):
-            return 0.0
-        left = right - rational(missed * PATH_INFLATION)
+            if v:
+                missed += abs(v) * reach * rational(self.units[column])
+        left = right - missed * rational(PATH_INFLATION)
         if left <= 0:
             return 0.0
         return np.inf if by == 0 else float(not_zero(left / by)) * (1 - 1e-15)

@@ -23,8 +23,12 @@ from handfast.proofs.question import Question
 UNIT_ROUNDOFF = 2.0**-53  # relative error of one rounded operation
 EPS = 1e-9
 WORK = 1e-6
-MIN_FORCE_SCALE = 1e-100  # [N] nothing is proved of smaller scales: roundings of their products are not in proportion
-TOO_SMALL = f"the load and the commands are below {MIN_FORCE_SCALE:g} N, where rounding is not bounded"
+# [N], [m] nothing is proved of smaller scales and grasps: roundings of their products are not in proportion
+MIN_FORCE_SCALE, MIN_SIZE = 1e-100, 1e-30
+TOO_SMALL = (
+    f"the load and the commands are below {MIN_FORCE_SCALE:g} N, or the grasp below {MIN_SIZE:g} m, where rounding is "
+    "not bounded"
+)
 UNBOUNDED_FACTOR = 1e3  # times the other forces in play: a disturbance that is resisted up to there counts as unbounded
 COMPLETE_CAP = 1e4  # times all forces in play: a proof for motions inside a cap counts as complete from there on
 ENOUGH_CAP = 1e6  # likewise: where there has to be a cap, none is looked for beyond

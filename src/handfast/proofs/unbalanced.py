@@ -412,7 +412,8 @@ class Placements:
         """Of the loads, by their weights, at contacts p (N, K, 3), which are given from points (N, 3).
 
         The torque of a load is about the centroid c of the contacts, their size the largest distance from it. Of a
-        single contact, which has no size, it is the same share of the force and of the torque about the contact.
+        single contact, which has no size, it is the same share of the force and of the torque about the contact. Where
+        that resists torques, a state may miss more force, by where the hand's joints are: nothing is shown.
         """
         c = p.swapped().sum() / float(p.shape[1])
         away = sqrt(sqr(p - c[..., None, :]).sum())
@@ -421,7 +422,9 @@ class Placements:
         each = force, torque - cross((c + about)[:, None], force)  # (k, 3), (N, k, 3)
         f, moment = ((weights * sqrt(sqr(a).sum()).hi).sum(axis=1) * (1 + weights.shape[1] * 1e-14) for a in each)
         of_force = f if p.shape[1] == 1 else f + moment / smallest
-        return _Scales(c, of_force, f * largest + moment, p.shape[1], np.maximum(f, moment) > MIN_FORCE_SCALE)
+        enough = np.maximum(f, moment) > MIN_FORCE_SCALE
+        enough &= (p.shape[1] > 1) | (not self.torsion) | (moment == 0)
+        return _Scales(c, of_force, f * largest + moment, p.shape[1], enough)
 
     def line_distance(self, center: Array) -> float:
         """[m] what a point (3,) is at least away from the line through two contacts, wherever these are.
