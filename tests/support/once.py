@@ -51,21 +51,21 @@ def _question(claim: Claim, query: Callable[..., Answer], load: np.ndarray, cloc
 
 def _checked(certificate: Certificate, until: float = np.inf, **how: Any) -> Any:
     """What the checker says of a certificate depends on, if there is time enough."""
-    return list(_parts(certificate)), sorted((name, x) for name, x in how.items() if x is not None)
+    return list(parts(certificate)), sorted((name, x) for name, x in how.items() if x is not None)
 
 
-def _parts(given: Any) -> Iterator[Any]:
+def parts(given: Any) -> Iterator[Any]:
     """What something is made of, without what is worked out of it and kept beside."""
     if dataclasses.is_dataclass(given):
         for field in dataclasses.fields(given):
-            yield from _parts(getattr(given, field.name))
+            yield from parts(getattr(given, field.name))
     elif isinstance(given, np.ndarray):
         yield given.shape, given.dtype.str, given.tobytes()
     else:
         yield given
 
 
-PROVED = once(existence.prove, lambda *given, **named: [*map(list, map(_parts, given)), named])
+PROVED = once(existence.prove, lambda *given, **named: [*map(list, map(parts, given)), named])
 STATES = [(place, "prove", PROVED) for place in (answer, answers, existence, grasps, path_steps)]
 VERIFIED = once(checker.verify, _checked, lambda found: found.reason != checker.NO_TIME)
 STATES_AND_CERTIFICATES = (*STATES, (checker, "verify", VERIFIED))
