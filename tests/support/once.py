@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import pickle
+import time
 from collections.abc import Callable, Iterator
 from functools import wraps
 from typing import Any
@@ -51,7 +52,8 @@ def _question(claim: Claim, query: Callable[..., Answer], load: np.ndarray, cloc
 
 def _checked(certificate: Certificate, until: float = np.inf, **how: Any) -> Any:
     """What the checker says of a certificate depends on, if there is time enough."""
-    return list(parts(certificate)), sorted((name, x) for name, x in how.items() if x is not None)
+    late = time.monotonic() >= until
+    return late, list(parts(certificate)), sorted((name, x) for name, x in how.items() if x is not None)
 
 
 def parts(given: Any) -> Iterator[Any]:
