@@ -15,7 +15,7 @@ from math import hypot
 
 import numpy as np
 
-from handfast.proofs.fields import Array
+from handfast.proofs.fields import Array, cross_rows
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 
@@ -60,7 +60,7 @@ def motion_size(g: GraspData, motion: Array, off: Array | float = 0.0) -> float:
     holds for motions up to a cap only what that is, in this measure.
     """
     v, off = np.asarray(motion), np.broadcast_to(off, (6 + g.l,))
-    at_centroid = v[..., :3] + np.cross(v[..., 3:6], g.centroid)
+    at_centroid = v[..., :3] + cross_rows(v[..., 3:6], g.centroid)
     turn_off = float(np.linalg.norm(off[3:6]))
     arm = float(np.linalg.norm(g.centroid))
     rounding = 1e-15 * arm * np.abs(v[..., 3:6]).max(initial=0.0)
