@@ -53,12 +53,13 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(autouse=True)
-def states_proved_once(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """That a state exists is proved once, whoever asks again with the same numbers; but where proofs are tested."""
+def found_proved_once(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That a state exists is proved once, and a certificate is checked once, whoever asks again with the same numbers;
+    but where proofs are tested."""
     if "tests/proofs/" not in request.path.as_posix() and "PROVE_ANEW" not in os.environ:
-        from tests.support.once import STATES
+        from tests.support.once import STATES_AND_CERTIFICATES
 
-        for place, name, work in STATES:
+        for place, name, work in STATES_AND_CERTIFICATES:
             monkeypatch.setattr(place, name, work)
 
 

@@ -10,12 +10,12 @@ from tests.support.program import complains, run
 
 ASKED = {
     "robust": (
-        ["--direction", "0", "0", "1", "--normals", "1", "--samples", "2"],
+        ["fig9", "--direction", "0", "0", "1", "--normals", "1", "--samples", "2"],
         ["How much force along +z does it resist as it stands?", "normals 1°; seed 0"],
     ),
-    "measures": (["--no-passive"], ["force closure", "0.5745"]),
+    "measures": (["fig11", "--no-passive"], ["force closure", "0.5745"]),
     "simulate": (
-        ["--wrench", "0", "0", "0.5", "--ramp", "0.1"],
+        ["fig11", "--wrench", "0", "0", "0.5", "--ramp", "0.1"],
         ["HOLDS: fig11 under 0.5 N along +z.", "At rest after"],
     ),
 }
@@ -27,7 +27,7 @@ def test_a_page_has_the_answer_and_its_picture(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     options, says = ASKED[name]
-    question = [name, "fig11", *options, "--report", "page.html"]
+    question = [name, *options, "--report", "page.html"]
     status, out, _ = run(capsys, *question)
     assert status == 0
     assert "Written: page.html" in out

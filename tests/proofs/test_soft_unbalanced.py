@@ -11,7 +11,7 @@ import pytest
 from handfast import Contact, Task, check, load_hand
 from handfast.core.arrays import Array
 from handfast.geometry.contacts import grasp_of
-from handfast.model.region import Bezier, Cap
+from handfast.model.region import Bezier
 from handfast.planning.results.grasps_file import motors_to_dict
 from handfast.proofs.contact_force_limits import ForceLimits, LeverArm, contact_force_limits, least_arm
 from handfast.proofs.existence import prove
@@ -68,12 +68,15 @@ def test_friction_and_torsion_share_one_ellipsoid(torsion: float) -> None:
     assert reason(weight(FAR), of_twist(0, 0, -1, 0, turn, 0), torsion, mu)  # any force would do
 
 
-def test_a_twist_of_no_slip_but_turning_about_a_normal_is_resisted() -> None:
-    """A contact above pushes down and turns: n.u = 1 m/s against mu_tau times 10 rad/s."""
+def test_of_a_single_soft_finger_nothing_is_shown() -> None:
+    """How much force a state may miss follows from its torque over `GraspData.size`, which is a length of the hand.
+
+    Nor of twists that turn the object about a point contact; a twist that only moves it shows that nothing pulls.
+    """
     top = data(Bezier(np.array([[[a, b, 0.0] for b in (-SMALL, SMALL)] for a in (-SMALL, SMALL)]), False))
-    down, spin = weight([0, 0, 0]), of_twist(0, 0, -1, 0, 0, 10)
-    for torsion, shown in ((0.0, True), (0.09, True), (0.11, False)):
-        assert (reason(down, spin, torsion, regions=top) == "") == shown
+    down = weight([0, 0, 0])
+    for torsion, spin, shown in ((0.0, 0.0, True), (1e-3, 0.0, False), (0.0, 1e-9, False)):
+        assert (reason(down, of_twist(0, 0, -1, 0, 0, spin), torsion, regions=top) == "") == shown
 
 
 def test_what_is_said_names_the_torsion() -> None:
@@ -250,12 +253,3 @@ def test_what_is_held_to_its_tolerance_is_not_refuted(torsion: float) -> None:
         none = reason(wrench, of_twist(0, 1, 0, 0, 0, 0), torsion, limit=most, regions=read(task).on_object) == ""
         seen.append((found.exact or found.tolerant, none))
     assert seen == [(True, False)] * 5 + [(False, True)] * 2
-
-
-def test_a_ball_between_round_tips_knows_its_own_directions() -> None:
-    """Whatever the normal is, a soft contact of up to 0.4 N takes no more than what its cone holds, and its torsion."""
-    ball = data(Cap((0, 0, 0), 1e-3, (0, 0, -1), np.pi))  # turning moves its surface by next to nothing
-    load = np.array([0, 0, -0.46, 0, 0, 0.0])
-    for torsion, turn, shown in ((0.0, 0.0, True), (0.01, 0.0, True), (0.01, 40.0, False)):
-        done = reason(load, of_twist(0, 0, -1, 0, 0, turn), torsion, limit=0.4, regions=ball)
-        assert (done == "") == shown

@@ -20,5 +20,10 @@ def pinched() -> Synthesis:
 
 
 @pytest.fixture(scope="session")
+def none() -> Synthesis:
+    return synthesize(grip(0.12))
+
+
+@pytest.fixture(scope="session")
 def undecided() -> Synthesis:
     return synthesize(pinch(LARGE), timeout=None, nodes=2000, seed=3)

@@ -23,7 +23,7 @@ from handfast.synthesis.embedded_task import digest, fingerprint, task_from_dict
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.synthesis_answer import Searched, Synthesis
 from handfast.synthesis.task import PoseBounds
-from tests.support.holds import LARGE, grip, pinch
+from tests.support.holds import LARGE, pinch
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -92,9 +92,8 @@ def test_configurations_belong_to_the_task_and_to_their_proofs(found: Synthesis)
         assert re.fullmatch(f"configuration 0: {reason}", done.reason)
 
 
-def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
-    answer = synthesize(grip(0.12))
-    answer.save(tmp_path / "s.json")
+def test_none_is_shown_anew_by_the_checker(none: Synthesis, tmp_path: Path) -> None:
+    none.save(tmp_path / "s.json")
     done = handfast.verify(tmp_path / "s.json")
     assert done.ok
     assert done.replayed == ("contacts 0 and 1 exclude each other, by 1 box of the checker's own",)
@@ -115,10 +114,9 @@ def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.slow
-def test_none_that_the_checker_does_not_show_is_refused(by: str, why: str) -> None:
-    answer = synthesize(grip(0.12))
-    assert answer.searched is not None
-    done = replace(answer, searched=replace(answer.searched, by=by)).verify()
+def test_none_that_the_checker_does_not_show_is_refused(by: str, why: str, none: Synthesis) -> None:
+    assert none.searched is not None
+    done = replace(none, searched=replace(none.searched, by=by)).verify()
     assert not done.ok
     assert re.fullmatch(f"none: NONE rests on the search itself, ask it again: {why}", done.reason)
     assert done.not_replayed == (done.reason.removeprefix("none: "), SYNTHESIS_COURSE, NAMES_CLAIM)

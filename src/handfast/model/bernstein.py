@@ -7,6 +7,7 @@ from math import comb
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.transforms import cross_rows
 
 PADDING = 1e-13  # of the size of a patch: more than the rounding of a subdivision
 
@@ -84,7 +85,7 @@ def product(a: Array, b: Array) -> Array:
     a, b = a * _binomials(a)[:, :, None], b * _binomials(b)[:, :, None]
     out = np.zeros((a.shape[0] + b.shape[0] - 1, a.shape[1] + b.shape[1] - 1, 3))
     for i, j in np.ndindex(*a.shape[:2]):
-        out[i : i + b.shape[0], j : j + b.shape[1]] += np.cross(a[i, j], b)
+        out[i : i + b.shape[0], j : j + b.shape[1]] += cross_rows(a[i, j], b)
     return out / _binomials(out)[:, :, None]
 
 

@@ -110,18 +110,17 @@ def rendered(panel: Sequence[Facets], view: View, low: Array, high: Array, shape
         corners = corners[inside & (_normals(corners)[:, 2] > 1e-6)]
         light = np.round(SHADES * np.clip(_normals(corners) @ LIGHT, 0, 1)) / SHADES
         corners[..., :2] = (corners[..., :2] - low) * scale - 0.5  # pixels, their centres at whole numbers
-        for corner, bright in zip(corners, 0.62 + 0.38 * light, strict=True):
-            _fill(image, depth, corner, np.minimum(bright * part.color, 1.0))
+        first = np.maximum(np.ceil(corners[..., :2].min(axis=1)), 0).astype(int)
+        last = np.minimum(np.floor(corners[..., :2].max(axis=1)), [columns - 1, rows - 1]).astype(int)
+        colors = np.minimum((0.62 + 0.38 * light)[:, None] * part.color, 1.0)
+        for k in np.flatnonzero((first <= last).all(axis=1)):  # those with a pixel's centre in the box about them
+            _fill(image, depth, corners[k], colors[k], first[k].tolist(), last[k].tolist())
     return image[::-1]
 
 
-def _fill(image: Array, depth: Array, corner: Array, color: Array) -> None:
-    """Draw a triangle (3, 3), in pixels and depth, where it is nearer than what is there."""
-    (x0, y0), (x1, y1) = np.ceil(corner[:, :2].min(axis=0)), np.floor(corner[:, :2].max(axis=0))
-    x0, y0 = max(int(x0), 0), max(int(y0), 0)
-    x1, y1 = min(int(x1), image.shape[1] - 1), min(int(y1), image.shape[0] - 1)
-    if x0 > x1 or y0 > y1:
-        return
+def _fill(image: Array, depth: Array, corner: Array, color: Array, first: list[int], last: list[int]) -> None:
+    """Draw a triangle (3, 3), in pixels and depth, where it is nearer than what is there, from a pixel to another."""
+    (x0, y0), (x1, y1) = first, last
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corner.tolist()
     twice = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
     x, y = np.arange(x0, x1 + 1)[None, :], np.arange(y0, y1 + 1)[:, None]

@@ -24,6 +24,7 @@ from scipy.optimize import nnls
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.libraries import deferred_interrupt
+from handfast.core.transforms import cross
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.filters.balance import BALANCE_SHARE, circumscribed, imbalance, pyramid_wrenches
 from handfast.planning.missing import Missing
@@ -373,14 +374,14 @@ class NoBalance:
         one the shortest sum of the load, and of a vector in the convex hull of 0 and the wrenches of each contact, in
         their cone where forces are not limited.
         """
-        own = np.r_[load[:3], (load[3:] - np.cross(center, load[:3])) / size]
+        own = np.concatenate([load[:3], (load[3:] - cross(center, load[:3])) / size])
         length = max(float(np.linalg.norm(own)), MIN_DIVISOR)
         K, M, _ = contacts.shape
         limited, limits = self.placements.limited, self.placements.force_limits
         if not limited.any():
             units = contacts / np.linalg.norm(contacts[..., :3], axis=-1, keepdims=True)
             vectors = np.vstack([units.reshape(-1, 6), HEAVY * own / length])
-            x, _ = nnls(np.vstack([vectors.T, np.ones(len(vectors))]), np.r_[np.zeros(6), 1.0])
+            x, _ = nnls(np.vstack([vectors.T, np.ones(len(vectors))]), np.eye(7)[6])
             return np.asarray(vectors.T @ x)
         sizes = np.where(limited, limits, length) / length
         forces, rows, bounded = contacts.reshape(-1, 6).T * np.repeat(sizes, M), np.eye(K)[limited], limited.sum()

@@ -22,6 +22,7 @@ from handfast.proofs.rows import Columns, LeafRows, zeros
 from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, MIN_SIZE, TOO_SMALL, in_play
 
 LEAF_BATCH = 256  # leaves whose rows are in memory at a time
+NO_TIME = "there was no time to check it all"
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ def verify(
     except BadCertificate as fault:
         return Checked(False, leaves, -np.inf, str(fault))
     except Late:
-        return Checked(False, leaves, -np.inf, "there was no time to check it all")
+        return Checked(False, leaves, -np.inf, NO_TIME)
     bad, cap = asked[~(margins[asked] > 0)], float(caps[asked].min(initial=np.inf))
     reason = f"leaf {bad[0]} (node {c.leaves[bad[0]]}) is not proved: margin {margins[bad[0]]:.3g}" if len(bad) else ""
     limit = cap if cap < np.inf and not len(bad) else None

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from handfast.proofs.fields import Array, Integers, Mask, rationals
+from handfast.proofs.fields import Array, Integers, Mask, cross_rows, rationals
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, Range
 from handfast.proofs.rows import Columns
@@ -128,7 +128,7 @@ class Equations:
         def length(x: Array) -> Array:  # squares would underflow
             return np.asarray(np.hypot.reduce(x, axis=1))
 
-        about = torque - np.cross(g.centroid, force)
+        about = torque - cross_rows(g.centroid, force)
         rounding = 16 * UNIT_ROUNDOFF * (length(torque) + arm * length(force))
         turns = (length(about) + rounding + length(off[:, 3:6]) + arm * length(off[:, :3])) / g.size
         own = (

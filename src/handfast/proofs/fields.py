@@ -197,7 +197,7 @@ def same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-# --- products of matrices ---------------------------------------------------------------------------
+# --- products of matrices and vectors ---------------------------------------------------------------
 
 MOST_MULTIPLICATIONS = 1 << 17  # BLAS begins threads from twice as many on
 
@@ -208,6 +208,12 @@ def product(a: Array, b: Array | Mask) -> Array:
     if a.shape[-2] <= rows:
         return np.asarray(a @ b)
     return np.concatenate([a[..., k : k + rows, :] @ b for k in range(0, a.shape[-2], rows)], axis=-2)
+
+
+def cross_rows(a: Array, b: Array) -> Array:
+    """a x b along the last axis; `np.cross` takes several times as long for few."""
+    ahead, behind = [1, 2, 0], [2, 0, 1]
+    return np.asarray(a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead])
 
 
 # --- rational numbers -------------------------------------------------------------------------------

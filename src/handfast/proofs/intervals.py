@@ -126,7 +126,7 @@ class Interval:
         if isinstance(other, Dual):
             return NotImplemented
         if isinstance(other, Interval):
-            return _hull(self.ends * other.ends, self.ends * other.ends[..., ::-1])
+            return _hull(np.multiply, self.ends, other.ends)
         if isinstance(other, float):
             return _up((self.ends if other >= 0 else self.ends[..., ::-1]) * abs(other))
         by = np.asarray(other, dtype=float)[..., None]
@@ -138,7 +138,7 @@ class Interval:
         if isinstance(other, Dual):
             return NotImplemented
         by = _interval(other).ends
-        out = _hull(self.ends / by, self.ends / by[..., ::-1]).ends
+        out = _hull(np.divide, self.ends, by).ends
         apart = (by < 0).any(axis=-1, keepdims=True)  # from 0; a quotient by an interval with 0 may be anything
         return Interval(np.where(apart, out, np.inf))
 
@@ -162,8 +162,8 @@ class Interval:
 
     def sum(self) -> Interval:
         """Over the last axis."""
-        slack = np.abs(self.ends).sum(axis=-2) * ((self.ends.shape[-2] + 2) * MACHINE_EPSILON) + UNDERFLOW_BOUND
-        return Interval(self.ends.sum(axis=-2) + slack)
+        slack = _sums(np.abs(self.ends)) * ((self.ends.shape[-2] + 2) * MACHINE_EPSILON) + UNDERFLOW_BOUND
+        return Interval(_sums(self.ends) + slack)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -344,12 +344,21 @@ def _up(ends: Array) -> Interval:
     return Interval(slack)
 
 
-def _hull(same: Array, mixed: Array) -> Interval:
-    """From products or quotients of ends (..., 2): of both lower and both upper ones, and of one of each, negated."""
-    (a, b), (c, d), out = (same[..., 0], same[..., 1]), (mixed[..., 0], mixed[..., 1]), np.empty(same.shape)
-    np.maximum(np.maximum(a, b), -np.minimum(c, d), out=out[..., 1])
-    np.maximum(np.maximum(c, d), -np.minimum(a, b), out=out[..., 0])
-    return _up(out)
+def _sums(ends: Array) -> Array:
+    """(..., 2) of ends (..., n, 2): numpy's own `sum` is slow along an axis that is not the last."""
+    return np.asarray(np.einsum("...ij->...j", ends))
+
+
+def _hull(result: Callable[[Array, Array], Array], x: Array, y: Array) -> Interval:
+    """Of all products, or quotients, of what is between ends (..., 2)."""
+    (a, b), (c, d) = (x[..., 0], x[..., 1]), (y[..., 0], y[..., 1])
+    lower, upper, first, second = result(a, c), result(b, d), result(a, d), result(b, c)
+    return _up(
+        _pair(
+            np.maximum(np.maximum(first, second), -np.minimum(lower, upper)),
+            np.maximum(np.maximum(lower, upper), -np.minimum(first, second)),
+        )
+    )
 
 
 def _ball(x: Interval) -> tuple[Array, Array]:

@@ -225,7 +225,7 @@ class System:
         """Without equations that others follow from, if they do so exactly; else as it is."""
         scaled = self.units[:, None] * self.A * self.columns
         kept = greedy(scaled / np.maximum(np.linalg.norm(scaled, axis=1, keepdims=True), 1e-300))
-        others = np.setdiff1d(np.arange(len(scaled)), kept)
+        others = np.delete(np.arange(len(scaled)), kept)
         if not len(others) or not self.linear[others].all():
             return self
         basis, dropped = ([self.exact[i] for i in some] for some in (kept[self.linear[kept]], others))
@@ -373,7 +373,7 @@ def _independent(p: Problem, held: Integers, rows: Rows) -> Integers | None:
         return held
     chosen = greedy(H)
     whole = [[*p.grasp.exact_rows[k], fmpq(rows.exact[k])] for k in held.tolist()]
-    basis, others = [whole[k] for k in chosen], [whole[k] for k in np.setdiff1d(np.arange(len(whole)), chosen)]
+    basis, others = [whole[k] for k in chosen], [whole[k] for k in np.delete(np.arange(len(whole)), chosen)]
     return held[chosen] if spans(basis, others) else None
 
 

@@ -16,7 +16,7 @@ from math import hypot
 import numpy as np
 from flint import fmpq_mat
 
-from handfast.proofs.fields import Array, Mask, rationals, rounded
+from handfast.proofs.fields import Array, Mask, cross_rows, rationals, rounded
 from handfast.proofs.grasp import LENGTH_ROUNDING, GraspData
 from handfast.proofs.question import Question
 
@@ -66,7 +66,7 @@ def motion_size(g: GraspData, motion: Array, off: Array | float = 0.0) -> float:
     holds for motions up to a cap only what that is, in this measure.
     """
     v, off = np.asarray(motion), np.broadcast_to(off, (6 + g.l,))
-    at_centroid = v[..., :3] + np.cross(v[..., 3:6], g.centroid)
+    at_centroid = v[..., :3] + cross_rows(v[..., 3:6], g.centroid)
     turn_off = float(np.linalg.norm(off[3:6]))
     arm = float(np.linalg.norm(g.centroid))
     rounding = 1e-15 * arm * np.abs(v[..., 3:6]).max(initial=0.0)

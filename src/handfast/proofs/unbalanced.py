@@ -411,9 +411,9 @@ class Placements:
     def _scales(self, p: Interval, about: Array, weights: Array) -> _Scales:
         """Of the loads, by their weights, at contacts p (N, K, 3), which are given from points (N, 3).
 
-        The torque of a load is about the centroid c of the contacts, their size the largest distance from it. Of a
-        single contact, which has no size, it is the same share of the force and of the torque about the contact. Where
-        that resists torques, a state may miss more force, by where the hand's joints are: nothing is shown.
+        The torque of a load is about the centroid c of the contacts, their size the largest distance from it. A single
+        contact has no size. How much a state may miss then follows from where the hand's joints are (`GraspData.size`),
+        but for the force at a point contact: of a soft finger, and of twists that turn, nothing is shown.
         """
         c = p.swapped().sum() / float(p.shape[1])
         away = sqrt(sqr(p - c[..., None, :]).sum())
@@ -423,7 +423,7 @@ class Placements:
         f, moment = ((weights * sqrt(sqr(a).sum()).hi).sum(axis=1) * (1 + weights.shape[1] * 1e-14) for a in each)
         of_force = f if p.shape[1] == 1 else f + moment / smallest
         enough = np.maximum(f, moment) > MIN_FORCE_SCALE
-        enough &= (p.shape[1] > 1) | (not self.torsion) | (moment == 0)
+        enough &= (p.shape[1] > 1) | (not self.torsion)
         return _Scales(c, of_force, f * largest + moment, p.shape[1], enough)
 
     def line_distance(self, center: Array) -> float:
@@ -495,7 +495,10 @@ class _Scales:
         moves, turns = (sqrt(sqr(a).sum()).hi for a in (v + cross(omega, self.center), omega))
         if self.contacts == 2 and line[0] >= 0:
             moves = np.zeros(len(moves))  # the centroid is on the line
-        return np.where(moves > 0, self.force * moves, 0.0) + self.torque * turns
+        of_turns = self.torque * turns
+        if self.contacts == 1:  # it has no size: how much torque may be missed follows from the joints
+            of_turns = np.where(omega.mag.any(axis=1), np.inf, 0.0)
+        return np.where(moves > 0, self.force * moves, 0.0) + of_turns
 
     def missed(self, work: Array, hand: HandMotion | None) -> Array:
         """(N,) an upper bound of the work of what a state misses of load and joint torques; work: as of `work`."""

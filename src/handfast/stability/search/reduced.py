@@ -266,11 +266,10 @@ class Reduced:
 
     def z(self, x: ScaledPoint) -> Array:
         """The reduced unknowns nearest to a point of the model."""
-        y = np.r_[x.c, x.f[self.kept]]
-        if self.objective:
-            y = np.r_[y, x.scalar]
-        y = np.r_[y, np.zeros(len(self.y0) - len(y) - len(x.twist)), x.twist]
-        return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
+        y = [x.c, x.f[self.kept], np.full(1 if self.objective else 0, x.scalar)]
+        y.append(np.zeros(len(self.y0) - sum(map(len, y)) - len(x.twist)))
+        off = np.concatenate([*y, x.twist]) - self.y0
+        return np.concatenate([self.M.T @ np.concatenate([x.r, x.q]), self.Y.T @ off])
 
     def at_magnitude(self, state: State, magnitude: float) -> Array:
         """The reduced unknowns (n,) nearest to a state, of a magnitude if one is sought, commands as they are."""
