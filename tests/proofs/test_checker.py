@@ -293,6 +293,11 @@ def test_loads_whose_rounding_is_not_bounded_are_not_judged(force: float, judged
     assert (found.reason != TOO_SMALL) == judged
 
 
+@pytest.mark.parametrize(("size", "judged"), [(1.1e-30, True), (0.9e-30, False)])
+def test_grasps_whose_rounding_is_not_bounded_are_not_judged(size: float, judged: bool) -> None:
+    assert (verify(proof(walls(size=size / walls().grasp.size))).reason != TOO_SMALL) == judged
+
+
 def test_sticking_contacts_leave_motions_free():
     """Both walls stick and nothing but the equilibrium is used: a torque about their line is held by neither."""
     q = pinch([0, 0, 0, 1, 0, 0])

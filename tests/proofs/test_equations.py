@@ -64,6 +64,17 @@ def test_multipliers_and_their_changes_cost_slack() -> None:
     assert growth == 0
 
 
+def test_tiny_multipliers_cost_what_they_slip() -> None:
+    """By 3 and 4 in two directions, times 1e-170, of which squares are 0 in floats."""
+    q = pinch([0, 0, 2, 0, 0, 0])
+    equations, given = equations_of(q), replace(side(q, None), slip=1.0)
+    z = np.zeros((1, len(equations.of_contacts)))
+    z[0, 1:3] = 3e-170, 4e-170
+    v = np.zeros((1, len(equations.E)))
+    (slack,), _ = given.costs(equations, v, v, z, 0 * z)
+    assert 5e-170 <= slack <= 5e-170 * (1 + 1e-6)
+
+
 def test_what_grows_is_worst_at_the_first_end_where_multipliers_grow_faster() -> None:
     given = side(largest([0, 0, 5, 0, 0, 0]), (1.0, 3.0))
     found = given.grown(np.array([2.0, 2.0, 2.0, 0.0]), np.array([2.5, 2.0, 1.0, -1.0]))
@@ -90,6 +101,8 @@ SIZE = np.sqrt(0.09375)  # of the small grasp, and how far its middle (1/4, -1/8
         ({}, {3: 4}, 4 / SIZE),
         ({6: -2}, {}, 2 / SIZE),
         ({6: -2}, {6: 1}, 3 / SIZE),
+        ({4: 2e-170}, {}, 2e-170 / SIZE),  # of which the square is 0 in floats
+        ({}, {2: 3e-170}, 6e-170),
     ],
 )
 def test_how_far_multipliers_reach_where_motions_are_1_by_hand(rest, off, reach) -> None:

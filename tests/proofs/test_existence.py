@@ -888,6 +888,25 @@ def test_nothing_may_be_missed_of_a_load_that_is_none(monkeypatch: pytest.Monkey
     assert decided(monkeypatch, OPEN, OPEN, SHOWN, SHOWN, p) == (OPEN, ["free 16", "fixed 16"])
 
 
+@pytest.mark.parametrize(("size", "judged"), [(1.01e-30, True), (0.99e-30, False)])
+def test_nothing_is_proved_of_grasps_that_are_too_small(size: float, judged: bool) -> None:
+    p = problem(Grasp([Contact([x, 0, 0], [-x / size, 0, 0], 0.5) for x in (-size, size)], []), [0, 0, 1])
+    none = np.zeros(0)
+    done = prove(p, State(np.zeros(6), none, np.zeros(6), none, none, none, np.zeros(2)))
+    assert (done.exact, done.tolerant, done.reason != TOO_SMALL) == (False, False, judged)
+
+
+def test_friction_of_which_the_square_is_0_counts() -> None:
+    """1e-170 N across one contact with 1 N and a friction of 1e-200: it holds to 1e-9 of the load, not exactly."""
+    g = data(Grasp([Contact([0, 0, 0], [0, 0, 1], 0.5)], []))
+    g = replace(g, mu=np.array([1e-200]))
+    none = np.zeros(0)
+    for across, exact in ((1e-170, False), (0.0, True)):
+        x = State(np.array([0, 0, -1.0, 0, 0, 0]), none, np.array([1.0, 0, across]), none, none, none, np.zeros(1))
+        done = prove(Problem(g, np.array([across, 0, -1.0, 0, 0, 0])), x)
+        assert (done.exact, done.exact or done.tolerant) == (exact, True)
+
+
 def test_nothing_is_proved_of_forces_that_are_too_small() -> None:
     p, x = half_under_way()
     for size, shown in ((MIN_FORCE_SCALE, True), (0.99 * MIN_FORCE_SCALE, False)):

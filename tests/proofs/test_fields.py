@@ -418,6 +418,7 @@ def test_rounding_goes_to_the_nearest() -> None:
     # halfway between 1 and 1 + 2^-52: to even; a little more: up
     assert rounded(fmpq(2**53 + 1, 2**53)) == 1.0
     assert rounded(fmpq(2**53 + 1, 2**53) + fmpq(1, 2**200)) == 1 + 2.0**-52
+    assert [rounded(fmpq(sign * 10**400)) for sign in (1, -1)] == [np.inf, -np.inf]
     # integers far beyond the range of floating-point numbers: 3 10^400 / (4 10^400 - 1) is 0.75 but for rounding
     assert rounded(fmpq(3 * 10**400, 4 * 10**400 - 1)) == 0.75
 

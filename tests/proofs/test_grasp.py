@@ -283,6 +283,19 @@ def test_sizes_bound_the_rounding(pair: tuple[Grasp, GraspData]) -> None:
             assert abs(true) <= bound * (1 + fmpq(8, 2**53))
 
 
+def test_sizes_are_0_only_where_the_exact_entries_are() -> None:
+    """A normal with a part of 1e-170 at an arm of 1e-200: its torque is 1e-370, which is 0 in floats."""
+    contact = {"position": [0, 1e-200, 0], "normal": [1e-170, 0, 1], "friction": 0.5}
+    data = {"schema": "handfast/grasp/1", "name": "tiny", "contacts": [contact], "joints": []}
+    g = read_grasp(data, "g")
+    exact = np.array([[bool(x) for x in row] for row in g.exact_rows])
+    rows, sizes = g.rows
+    assert not rows[0, 5]
+    assert exact[0, 5]
+    assert ((sizes > 0) >= exact).all()
+    assert not sizes[0, 1]  # nothing of it is along y
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_frame_that_is_moved_and_turned_changes_no_motion(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -251,6 +251,16 @@ def test_what_is_left_over_counts_by_its_unit() -> None:
     assert of.shown([row], [1.0]) == pytest.approx(3 - 4e-9 * STATE_REACH * of.scale, rel=1e-9)
 
 
+@pytest.mark.parametrize(("y", "terms", "slack"), [(1e-300, True, 0.0), (1e-300, False, 2e-30), (5e-324, True, 0.0)])
+def test_multipliers_of_any_size_prove_nothing_more(y: float, terms: bool, slack: float) -> None:
+    """0 >= 1e-30 but for a motion that is left over, or what may be missed: both are more, and 0 in floats."""
+    of = small(False)
+    of = replace(of, question=replace(of.question, wrench=1e-30 * of.question.wrench))
+    row = PathRow({of.at(0, 1): fmpq(1)} if terms else {}, fmpq(1, 10**30), False, slack=slack)
+    assert [of.shown([row], [x]) for x in (y, 1.0)] == [0, 0]
+    assert of.shown([PathRow({}, fmpq(1, 10**30), False, slack=5e-31)], [y]) == np.inf
+
+
 def test_rows_and_tangents_that_a_leaf_may_have() -> None:
     of = small(False)
     every = of.rows

@@ -249,7 +249,7 @@ def rounded(x: fmpq) -> float:
     try:
         return int(x.p) / int(x.q)
     except OverflowError:
-        return math.copysign(math.inf, int(x.p))
+        return math.inf if x > 0 else -math.inf
 
 
 def not_zero(x: fmpq) -> float:

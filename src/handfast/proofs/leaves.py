@@ -715,4 +715,5 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
         return UNBOUNDED_RANGE
     value = sum(terms, ZERO) - rational(cost)
     weight = 2 * float(q.reach(left[None], np.abs(left)[None] * 1e-9)[0]) + LOST
-    return rounded(value / size), (min(max(rounded(value), 0.0) / weight, FARTHEST_CAP) if left.any() else np.inf)
+    most = min(max(rounded(value), 0.0), FARTHEST_CAP)
+    return rounded(value / size), (min(most / weight, FARTHEST_CAP) if left.any() else np.inf)
