@@ -17,7 +17,7 @@ from benchmarks.time_limits import PULL, drawn
 from handfast import InputError, Settings, Stop, Verdict, check, load_body
 from handfast.core.answer import SearchLimits
 from handfast.model.body import Body
-from handfast.model.grasp import Grasp
+from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.shape import Shape
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads, load_loads
@@ -46,6 +46,22 @@ def test_least_preload_of_a_pinch() -> None:
     assert a.lower == pytest.approx(0.05, rel=2e-3)
     assert a.lower <= a.upper
     assert a.hardest == "load 0"
+
+
+@pytest.mark.parametrize("load", [1.9, 2.0])
+def test_crossed_jaws_end_with_what_is_proved(load: float) -> None:
+    """Each jaw moves the object across the other's contacts, whose friction is then used up sideways.
+
+    How much of a load is resisted under a preload of both alike takes a search without an end; a single jaw that
+    presses with as much as the load holds it.
+    """
+    contacts = [Contact(-n, n, 0.5) for n in (X, -X, Y, -Y)]
+    joints = [GraspJoint(name, n, ZERO, (k,), "prismatic") for name, n, k in (("x", X, 0), ("y", Y, 2))]
+    a = hold(Grasp(contacts, joints, preload={"x": 1.0, "y": 1.0}), forces(-load * Z))
+    assert a.verdict is Verdict.HOLDS
+    assert a.verify().ok
+    assert a.upper <= load * (1 + 1e-4)
+    assert a.nodes < 200_000
 
 
 def test_every_load_is_witnessed_under_the_one_preload() -> None:

@@ -47,6 +47,7 @@ A = TypeVar("A", bound=Answer)
 MODERATE_COMMAND = 10.0  # times the largest load: a moderate command
 NEGLIGIBLE_COMMAND = 1e-6  # share of the largest command below which one is rounding
 MARGINS = 0.25  # share of the time that is left for them, where they are asked
+SIZING_NODES = 20_000  # of a search that only says how large a preload is to be: what it found until then will do
 LOAD_TIME_SHARE = 0.5  # share of the time that is left in which a load is to be decided under a preload
 PRELOAD_FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
 
@@ -375,6 +376,7 @@ class _HoldSearch:
             return np.inf  # any multiple of nothing, if the preload alone is resisted
         self.say(f"level of a preload for {self.loads.names[k]}")
         settings = replace(self.within(self.settings, LOAD_TIME_SHARE), gap=1e-2, verify=False)
+        settings = replace(settings, nodes=min(settings.nodes, SIZING_NODES))
         grasp, exact = self.grasp.with_commands(preload), GraspLimits(self.limits.eta)
         asked: dict[str, Any] = {"limits": exact, "settings": settings, "loading": self.loading}
         a = self.counted(maximum(grasp, self.loads.wrenches[k], **asked))
@@ -397,6 +399,7 @@ class _HoldSearch:
                 a = self.counted(paths.answer(check_along, grasp, self.loads.wrenches[k], settings))
             else:
                 a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, limits=self.limits))
+                a = a.settled(self.clock.end) if self.settings.verify else a
             if a.verdict is not Verdict.HOLDS:
                 self.first(k, a.stop)
                 return ()
