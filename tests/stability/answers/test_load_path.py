@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from handfast.proofs.kinds import Row
 from handfast.proofs.rows import Columns, LeafRows, row_values
 from handfast.stability.answers.answer import any_state
 from handfast.stability.answers.check_query import ask as check
-from handfast.stability.answers.load_path import StepAnswer, start_after
+from handfast.stability.answers.load_path import Follower, StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
@@ -465,3 +466,16 @@ def test_a_state_of_a_path_is_no_rest() -> None:
     with pytest.raises(InputError, match=r"begins at rest, and this grasp at a state of a path; .*with_start\(None\)"):
         check(answer.witness.grasp, [0, 0.6, 0], loading=FIRST)
     assert check(answer.witness.grasp.with_start(None), [0, 0.6, 0], loading=FIRST).verdict is Verdict.HOLDS
+
+
+def test_a_path_without_an_end_goes_on_in_ever_larger_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 1/4, from 1 on of a quarter of the way: 1000 is 4 steps and log(1000) / log(1.25) of these away."""
+    follower = Follower.of(scaled_problem.build(jaw(), [0, 0, 1]), Settings(), None)
+    monkeypatch.setattr(Follower, "step", lambda *_, **__: SimpleNamespace(verdict=Verdict.HOLDS, stop=None))
+    monkeypatch.setattr(Follower, "after", lambda *_: jaw())
+    monkeypatch.setattr(Follower, "_path", lambda _, __, magnitudes: magnitudes)
+    found: Any = follower.to_end(0.25, 0.25, 1000.0)
+    assert found[:6] == [0, 0.25, 0.5, 0.75, 1, 1.25]
+    assert np.diff(found[5:-1]) == pytest.approx(0.25 * np.array(found[5:-2]))
+    assert found[-1] == 1000
+    assert len(found) == 5 + 31

@@ -343,8 +343,12 @@ class Follower:
         path = self._path([s for _, s in line], [m for m, _ in line])
         return replace(path, resolution=0.0) if straight else path
 
-    def to_end(self, size: float, last: float, pick: Pick = shown) -> LoadPath:
-        """The path in steps of a size at most, as far as it goes, or to the last magnitude; finer where it ends."""
+    def to_end(self, size: float, share: float, last: float, pick: Pick = shown) -> LoadPath:
+        """The path as far as it goes, or to the last magnitude; finer where it ends.
+
+        In steps of a size at most, or of a share of the magnitude, where that is more: a path may go a thousand times
+        as far as its first step.
+        """
         steps, magnitudes, gap = [self.step(self.whole.grasp, 0.0)], [0.0], self.settings.gap
         step, asked, least = size, False, gap * last / UNBOUNDED_FACTOR
         grasp = self.after(steps[0], 0.0, pick) if steps[0].verdict is Verdict.HOLDS else None
@@ -369,7 +373,7 @@ class Follower:
             steps.append(found)
             magnitudes.append(target)
             grasp = self.after(found, target, pick) if found.verdict is Verdict.HOLDS else None
-            step, asked = (gap * target if asked else min(size, 2 * step)), False
+            step, asked = (gap * target if asked else min(max(size, share * target), 2 * step)), False
         return self._path(steps, magnitudes)
 
     def one_step_end(self, grasp: Grasp, here: float, below: float) -> float | None:
@@ -472,7 +476,7 @@ def path_end(
     size = min(follower.one_step_end(grasp, 0.0, last) or last / UNBOUNDED_FACTOR, last)
     before = None
     for n in STEP_COUNTS[1:]:
-        path = follower.to_end(size / n, last)
+        path = follower.to_end(size / n, 1 / n, last)
         end = by_steps[n] = path.reached or 0.0
         agree = before is not None and abs(end - before) <= AGREE * max(end, before)
         if path.steps[-1].verdict is Verdict.UNDECIDED or agree:
@@ -480,7 +484,7 @@ def path_end(
         before = end
     other = None
     if follower.chosen_otherwise(path):
-        other = follower.to_end(size / n, last, met).reached or 0.0
+        other = follower.to_end(size / n, 1 / n, last, met).reached or 0.0
     return replace(path, by_steps=by_steps, other_choice=other, resolution=AGREE, nodes=follower.nodes)
 
 

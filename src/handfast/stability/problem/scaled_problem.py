@@ -394,9 +394,10 @@ def _largest_command(grasp: AnyGrasp) -> Any:
 @lru_cache(maxsize=8)
 def _by_couplings(grasp: AnyGrasp) -> Any:
     """[N] the largest command as a force at a contact to which couplings take it; 0 without couplings."""
-    if not len(grasp.mechanism.A):
+    A = grasp.mechanism.A
+    if not A.shape[-2]:
         return 0.0
-    moved = ways(grasp.mechanism.A)
+    moved = ways(A) if A.ndim == 2 else np.stack([ways(x) for x in A])
     arms, R = np.linalg.norm(grasp.J @ moved, axis=-2), np.abs(grasp.mechanism.R @ moved)
     touches = arms > COUPLING_ROUNDING * np.linalg.norm(np.abs(grasp.J) @ np.abs(moved), axis=-2)
     arms = np.where((R > 0) & touches[..., None, :], arms[..., None, :] / np.where(R > 0, R, 1.0), np.inf).min(axis=-1)
@@ -435,7 +436,7 @@ def _limits(grasp: AnyGrasp, limits: GraspLimits, *, with_torques: bool = True) 
 def _takes_part(grasp: AnyGrasp) -> Mask:
     """(a,) bool: actuators that move a contact, be it by joints that couplings drive."""
     tied, coupled = grasp.touches, grasp.mechanism.A != 0
-    for _ in coupled:
+    for _ in range(coupled.shape[-2]):
         tied = tied | ((tied[..., None, :] & coupled).any(axis=-1)[..., None] & coupled).any(axis=-2)
     out: Mask = ((grasp.mechanism.R != 0) & tied[..., None, :]).any(axis=-1)
     return out
