@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import handfast
@@ -17,7 +19,8 @@ from handfast.core.errors import InputError
 from handfast.proofs.certificate import file_to_dict
 from handfast.stability.answers import CheckAnswer
 from handfast.stability.problem.witness import VALID
-from tests.support.problems import bell
+from handfast.stability.studies.questions import check, torques
+from tests.support.problems import bell, pinch
 from tests.support.saved_answers import ANSWERS, answer, text
 
 
@@ -156,3 +159,13 @@ def test_on_the_command_line(tmp_path: Path, monkeypatch, capsys: pytest.Capture
     said = json.loads(capsys.readouterr().out)
     assert (said["schema"], said["ok"]) == ("handfast/verification/1", False)
     assert {part["name"]: part["ok"] for part in said["parts"]} == {"witness": True, "certificate": False}
+
+
+@pytest.mark.parametrize("ask", ["check", "torques"])
+def test_what_is_proved_is_about_the_load_as_it_was_asked(ask: str) -> None:
+    """The load of a state that was found may be off by rounding: `verify` asks about that of the file."""
+    load = np.array([0, 0.3, 0, 0.001, 0, 0.002])
+    answer = check(pinch(), load) if ask == "check" else torques(pinch(), load)
+    assert answer.found is not None
+    off = replace(answer, found=replace(answer.found, wrench=np.nextafter(load, 1)))
+    assert np.array_equal(off._problem(off.found).load, load)

@@ -150,8 +150,8 @@ class Answer(Presented, ABC):
         assert self.posed is not None
         (p, goal), question, along = self.posed, self.posed.question, self._along
         command = w.grasp.command if goal.seeks_commands else p.grasp.command
-        if along is None:
-            return Problem.of(question, command, w.wrench)
+        if along is None:  # of the load as it was asked, from which that of the state may be off by rounding
+            return Problem.of(question, command, p.wrench)
         base = p.wrench if goal.maximised else np.zeros(6)
         magnitude = float((w.wrench - base) @ along / (along @ along))
         return Problem.of(question, command, base, along, magnitude)
