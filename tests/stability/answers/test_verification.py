@@ -164,7 +164,7 @@ def test_on_the_command_line(tmp_path: Path, monkeypatch, capsys: pytest.Capture
 @pytest.mark.parametrize("ask", ["check", "torques"])
 def test_what_is_proved_is_about_the_load_as_it_was_asked(ask: str) -> None:
     """The load of a state that was found may be off by rounding: `verify` asks about that of the file."""
-    load = np.array([0, 0.3, 0, 0.001, 0, 0.002])
+    load = np.array([0, 0.3, 0.1, 0, 0, 0.0])
     answer = check(pinch(), load) if ask == "check" else torques(pinch(), load)
     assert answer.found is not None
     off = replace(answer, found=replace(answer.found, wrench=np.nextafter(load, 1)))
