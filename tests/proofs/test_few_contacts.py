@@ -664,12 +664,13 @@ def test_weights_beside_the_centre_of_mass_are_far_off_as_seen_from_a_contact_ne
     Weights act at (0, 0, -0.1): the tip and (0, 0, -1) hold them without friction. The centre of mass is said 9e-6 m
     beside that, 0.9e-9 of the reach; from there the tip is 9e-5 rad from the line, where friction gives 3.6e-5.
     """
-    corners = np.array([[0.0, 0, 0], [1, 0, -1], [-0.5, 0.75, -1], [-0.5, -0.75, -1]])
+    side = np.sqrt(0.75)
+    corners = [[0.0, 0, 0], [1, 0, -1], [-0.5, side, -1], [-0.5, -side, -1]]
     faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
     ways = np.vstack([np.eye(3), -np.eye(3)])
     loads = np.hstack([ways, np.cross([0, 0, -0.1], ways)])
-    near, other = convex(corners, faces), convex(corners[[1, 0, 2, 3]] + [1e4, 0.3, 0.7], [f[::-1] for f in faces])
-    other = convex((corners - [0, 0, -0.8]) @ np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]).T + [1e4, 0.3, 0], faces)
+    aside = np.array([[0.1, 0.6, 0.7], [0.9, 0.2, -0.6], [-0.8, 0.9, -0.5], [-0.3, -0.6, -0.55]])
+    near, other = convex(corners, faces), convex(aside + [1e4, 0, 0], faces)
     for center in (np.array([0, 0, -0.1]), np.array([9e-6, 0, -0.1])):
         one = Held((near, other), center, loads, 3.6e-5)
         assert one._weighed()
