@@ -670,7 +670,7 @@ def test_weights_beside_the_centre_of_mass_are_far_off_as_seen_from_a_contact_ne
     ways = np.vstack([np.eye(3), -np.eye(3)])
     loads = np.hstack([ways, np.cross([0, 0, -0.1], ways)])
     aside = np.array([[0.1, 0.6, 0.7], [0.9, 0.2, -0.6], [-0.8, 0.9, -0.5], [-0.3, -0.6, -0.55]])
-    near, other = convex(corners, faces), convex(aside + [1e4, 0, 0], faces)
+    near, other = convex(corners, faces), convex(aside + np.array([1e4, 0, 0]), faces)
     for center in (np.array([0, 0, -0.1]), np.array([9e-6, 0, -0.1])):
         one = Held((near, other), center, loads, 3.6e-5)
         assert one._weighed()
