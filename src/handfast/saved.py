@@ -113,8 +113,7 @@ def _of_one(path: Path, replay: bool, how: How) -> Replay:
         if fault.field == "schema" and isinstance(schema, str) and SCHEMA_KINDS.get(schema, ANSWER) != ANSWER:
             raise BadFile(f"{fault.problem}; this is {SCHEMA_KINDS[schema]}, which claims nothing", "schema") from None
         raise
-    geometry = _measured(data)
-    return replace(proved, parts=(*proved.parts, geometry)) if geometry else proved
+    return _measured(data, proved)
 
 
 def answers_in(folder: Path) -> list[Path]:
@@ -146,17 +145,17 @@ def _is_folder(path: Path) -> bool:
         return False
 
 
-def _measured(data: Any) -> Replay | None:
-    """What of a file is geometry and was measured anew; None if nothing is."""
+def _measured(data: Any, proved: Replay) -> Replay:
+    """With what of a file is geometry, measured anew."""
     if data["schema"] == "handfast/grasps/1":
         from handfast.planning.results import grasps_file, verify
 
-        return verify.measured(grasps_file.from_dict(data))
+        return verify.with_geometry(proved, verify.measured(grasps_file.from_dict(data)))
     if data["schema"] == "handfast/synthesis/1":
         from handfast.synthesis import synthesis_file
 
         synthesis_file.from_dict(data)  # that it fits its task
-    return None
+    return proved
 
 
 # --- answers that keep no proofs ------------------------------------------------------------------

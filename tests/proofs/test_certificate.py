@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from handfast.proofs import certificate
+from handfast.proofs import certificate, checker
 from handfast.proofs.certificate import (
     NODE_ARRAYS,
     ROW_ARRAYS,
@@ -150,6 +150,35 @@ def test_how_large_a_proof_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(BadFile, match=why):
             read_certificate(data, "c", q)
         monkeypatch.undo()
+
+
+def test_how_many_rows_the_leaves_may_have() -> None:
+    """Of 256 that are checked together: 1e8 = 256 x 625^2 numbers, and 4000 rows of one."""
+    assert certificate.CHECKED_LEAVES == checker.LEAF_BATCH
+    few, full = np.full(1000, 3), np.full(256, 625)
+    for rows in ([], [4000], [*full, *few[:0]], [*few, 4000, *few], [*full[:-1], *[600] * 300]):
+        certificate._refuse_full_leaves(np.array(rows, dtype=np.int64), "rows")
+    for rows, why in (
+        (
+            [3, 4001, 2],
+            r"^rows: has leaves of up to 4001 rows, matrices of 1.6e\+07 numbers; at most 4000 and 1e\+08",
+        ),
+        ([*full[:-1], *few, 626], r"^rows: has leaves of up to 626 rows, matrices of 1e\+08 numbers; at most"),
+    ):
+        with pytest.raises(BadFile, match=why):
+            certificate._refuse_full_leaves(np.array(rows), "rows")
+
+
+def test_a_small_text_of_one_leaf_that_takes_much_memory() -> None:
+    """5000 rows that are all the same: some hundred characters, a matrix of 5000 x 5000."""
+    one, none = np.zeros(5000, np.int64), np.zeros(1, np.int64)
+    tree = {"parent": none - 1, "part": none, "state": none, "left": none, "right": none}
+    rows = dict.fromkeys(("kind", "index", "a", "b"), one)
+    c = Certificate(walls(), None, **tree, **rows, start=np.array([0, 5000]), multiplier=one + 1.0)
+    data = proof_to_dict(c)
+    assert len(data["proof"]) < 1000
+    with pytest.raises(BadFile, match=r"^c\.rows: has leaves of up to 5000 rows"):
+        read_certificate(data, "c", walls())
 
 
 def test_a_proof_of_a_check_needs_no_scalar() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.shape import Kind, Shape
 from handfast.planning.filters.balance import imbalance
+from handfast.proofs import few_contacts
 from handfast.proofs.few_contacts import Fewest, Held, _meets, replay, replay_of_loads, to_json, words
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.solids import EIGHTHS, ConvexSolid, SurfaceParts, angle, hidden
@@ -507,7 +509,52 @@ def test_why_is_said_with_what_is_shown() -> None:
     assert plain["force_limit"] is None
 
 
+def convex(vertices: Any, faces: Any) -> ConvexSolid:
+    mesh = {"kind": "mesh", "vertices": np.asarray(vertices).tolist(), "faces": faces}
+    return ConvexSolid.read(Fields(mesh, ""))
+
+
+BOX_FACES = [
+    *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+    *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+]
+
+
+def test_many_loads_are_looked_at_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As all at once: up and down in turns, and of 60 N in all each contact gives the half of 1 N to one of them."""
+    some = np.tile([[0, 0, 1.0, 0, 0, 0], [0, 0, -2.0, 0, 0, 0]], (20, 1))
+    whole = loaded(some, force_limit=1.0)._force()
+    monkeypatch.setattr(few_contacts, "LOAD_BATCH", 500)
+    one = loaded(some, force_limit=1.0)
+    assert one._both(0.5).all()
+    assert one._force() == whole == Fewest(3, "force")
+    monkeypatch.setattr(few_contacts, "MAX_LOADS", 40)
+    assert replay(said(one)).ok
+    with pytest.raises(BadFile, match=r"^loads: has 41 loads; at most 40 are possible$"):
+        replay(said(loaded([*some.tolist(), [0.0] * 6], force_limit=1.0)))
+
+
 # --- what turns without friction --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("a", [1.0, 1e-150, 1e-170, 1e-300])
+def test_places_that_are_not_on_a_line_are_on_none_however_near(a: float) -> None:
+    """Balls at the origin, at a along x and at a along y; those along x alone turn about x."""
+    place = np.eye(4)
+
+    def ball(x: float, y: float) -> ConvexSolid:
+        pose = place.copy()
+        pose[:2, 3] = x, y
+        return ConvexSolid.read(Fields({"kind": "sphere", "size": [1.0], "pose": pose.tolist()}, ""))
+
+    turn = np.array([[0, 0, 0, 1.0, 0, 0]])
+    for y, turns in ((a, False), (0.0, True)):
+        found = Held((ball(0, 0), ball(a, 0), ball(2 * a, y)), np.zeros(3), turn, 0.0)._turning()
+        assert found == (Fewest(None, "turning") if turns else Fewest(1))
+    # differences of places are not rounded: 1e-20 is lost beside 1
+    found = Held((ball(1, 1e-20), ball(2, 1e-20), ball(3, 0)), np.zeros(3), turn, 0.0)._turning()
+    assert found == Fewest(1)
+    assert Held((ball(0, 0),), np.zeros(3), 1e-101 * turn, 0.0)._turning() == Fewest(1)  # below all that is bounded
 
 
 def pieces(*said: tuple[str, list[float]]) -> tuple[ConvexSolid, ...]:
@@ -563,8 +610,43 @@ def test_loads_have_the_other_sign_if_they_have_the_other_direction(size: float)
     loads = size * np.array(
         [[1.0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [-3, 0, 0, 0, 0, 0], [0, -1, 1e-6, 0, 0, 0], [0] * 6]
     )
-    assert loaded(loads)._both().tolist() == [True, False, True, False, False]
+    assert loaded(loads)._both(0.5).tolist() == [True, False, True, False, False]
     assert loaded(loads).opposed() == Fewest(2, "opposed")
+
+
+@pytest.mark.parametrize("size", [1e-7, 0.1, 1e6])
+def test_torques_have_the_other_sign_beside_what_contacts_can_reach(size: float) -> None:
+    """Half edges of `size`. Contacts at (size, e, 0) and (-size, 0, e) push with 1 N along x, each under one load.
+
+    Their torques, (0, 0, -e) and (0, -e, 0), are opposite to sqrt 2 e of `size` sqrt 3; below 1e-9 they are opposite
+    forces with no torque, which take two contacts.
+    """
+    corners = [[x, y, z] for x in (-size, size) for y in (-size, size) for z in (-size, size)]
+    for e, both in ((5e-3 * size, False), (1.3e-9 * size, False), (1.2e-9 * size, True)):
+        loads = np.array([[1, 0, 0, 0, 0, -e], [-1, 0, 0, 0, -e, 0]])
+        body = Held((convex(corners, BOX_FACES),), np.zeros(3), loads, 0.0)
+        assert body._both(body._reach).tolist() == [both] * 2
+        assert body.opposed() == Fewest(2 if both else 1, "opposed" if both else "")
+    far = np.array([[1.0, 0, 0, 0, 0, -1e-12], [-1, 0, 0, 0, -1e-12, 0]])
+    assert Held((), np.zeros(3), far, 0.0).opposed(1e-12) == Fewest(1)
+    assert Held((), np.zeros(3), far, 0.0).opposed(0.0) == Fewest(1)  # nothing is said at the origin alone
+
+
+def test_torques_about_the_centre_of_mass_are_rounded_once() -> None:
+    """1 N along z at (1e8 + 1/8, 0, 0), and -1 N 1 m beside it: 1e8 + 1/8 N m cancel to 1/8 and -7/8."""
+    loads = np.array([[0, 0, 1, 0, -1e8 - 0.125, 0], [0, 0, -1, 0, 1e8 + 1.125 - 2, 0], [0, 0.1, 0, 0, 0, 1e7]])
+    about = loaded(loads)._torques(np.array([1e8, 0, 0]))
+    assert about[:2].tolist() == [[0, -0.125, 0], [0, -0.875, 0]]
+    assert about[2, 2] == float(Fraction(10**7) - 10**8 * Fraction(0.1))  # -5.55e-10: in floats 0
+
+
+@pytest.mark.parametrize(("friction", "few"), [(1e10, 1), (1.1e8, 1), (0.9e8, 2), (1e3, 2)])
+def test_forces_in_a_wide_cone_may_all_but_cancel(friction: float, few: int) -> None:
+    """Loads (1, 0, -1e-10) and (-1, 0, -1e-10): one contact that pushes along z balances both if 1 <= 1e-10 mu."""
+    loads = [[1, 0, -1e-10, 0, 0, 0], [-1, 0, -1e-10, 0, 0, 0]]
+    assert loaded(loads, friction).opposed().contacts == few
+    # and torsion of 4.5 m, 9 times the 0.5 m of the ball, makes a load 10 times as large as what is behind it
+    assert loaded(loads, friction / 10, torsion=4.5).opposed().contacts == few
 
 
 @pytest.mark.parametrize(("up", "weighed"), [(0.11, True), (0.09, False), (0.0, False)])
@@ -574,6 +656,52 @@ def test_weights_are_from_every_side_that_are_not_nearly_in_a_plane(up: float, w
     for sizes in (1.0, np.array([[1.0], [50.0], [0.01]])):
         every = np.vstack([sizes * ways, -sizes * ways])
         assert loaded(np.hstack([every, 0 * every]))._weighed() == weighed
+
+
+def test_weights_beside_the_centre_of_mass_are_far_off_as_seen_from_a_contact_near_it() -> None:
+    """A tetrahedron with its tip at the origin and its base 1 m below, and another one 1e4 m away.
+
+    Weights act at (0, 0, -0.1): the tip and (0, 0, -1) hold them without friction. The centre of mass is said 9e-6 m
+    beside that, 0.9e-9 of the reach; from there the tip is 9e-5 rad from the line, where friction gives 3.6e-5.
+    """
+    side = np.sqrt(0.75)
+    corners = [[0.0, 0, 0], [1, 0, -1], [-0.5, side, -1], [-0.5, -side, -1]]
+    faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
+    ways = np.vstack([np.eye(3), -np.eye(3)])
+    loads = np.hstack([ways, np.cross([0, 0, -0.1], ways)])
+    aside = np.array([[0.1, 0.6, 0.7], [0.9, 0.2, -0.6], [-0.8, 0.9, -0.5], [-0.3, -0.6, -0.55]])
+    near, other = convex(corners, faces), convex(aside + np.array([1e4, 0, 0]), faces)
+    for center in (np.array([0, 0, -0.1]), np.array([9e-6, 0, -0.1])):
+        one = Held((near, other), center, loads, 3.6e-5)
+        assert one._weighed()
+        assert one.fewest() == Fewest(2, "opposed")
+
+
+@pytest.mark.parametrize("friction", [0.75, 0.0])
+def test_what_weights_miss_turns_a_force_the_more_the_nearer_it_is(friction: float) -> None:
+    """Six weights along axes, the least singular value sqrt 2: 5e-9 of 0.5 m times sqrt(6 / 2) and sqrt(1 + mu^2).
+
+    Seen from 1 m and from 0.01 m, within 0.5 and 0.005 m.
+    """
+    ways = np.vstack([np.eye(3), -np.eye(3)])
+    one = loaded(np.hstack([ways, 0 * ways]), friction)
+    aside = 2.5e-9 * np.sqrt(3) * np.hypot(1, friction)
+    assert one._aside == pytest.approx(aside, rel=1e-5)  # and 1e-14 of the largest coordinate
+    for far in (1.0, 0.01):
+        (_,), (within,), _, (pushed,), _ = one._seen(part([0, 0, far], UP, far / 2))
+        assert within - np.pi / 6 == pytest.approx(MARGIN + aside / (far / 2), abs=1e-11)
+        assert pushed - np.arctan(friction) - 1e-7 == pytest.approx(MARGIN + aside / (far / 2), abs=1e-11)
+    (_,), (within,), _, (pushed,), _ = one._seen(part([0, 0, 2e-9], UP, 0.0))
+    assert within == pytest.approx(np.pi + MARGIN)
+    assert pushed == np.pi
+    assert loaded(np.vstack([one.loads] * 4), friction)._aside == pytest.approx(aside, rel=1e-5)
+
+
+def test_with_all_but_endless_friction_no_line_is_excluded(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = held(stone(1, 5), 0.02, stone(1, 5).centroid + 0.004)
+    for most, shown in ((0.02, True), (0.0199, False)):
+        monkeypatch.setattr(few_contacts, "MAX_LINE_FRICTION", most)
+        assert one._no_line() == shown
 
 
 @pytest.mark.parametrize(("off", "weighed"), [(0.0, True), (0.4e-9, True), (0.6e-9, False), (1.1e-9, False)])

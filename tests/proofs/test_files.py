@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ from handfast.proofs import files
 from handfast.proofs.certificate import Certificate, file_to_dict
 from handfast.proofs.replay import Replay
 from handfast.proofs.tolerance import COMPLETE_CAP
+from handfast.stability.problem.loads import Loads
+from handfast.stability.studies.questions import hold
+from tests.support.problems import pinch
 from tests.support.proof_certificates import LEAVES, MU, proof, walls
 from tests.support.proof_states import contact
 from tests.support.refused import refused
@@ -240,17 +244,63 @@ def test_the_reader_of_the_schema_is_asked(said: str, written) -> None:
     assert files.verify_path(str(written(json.dumps({"schema": said, "name": "c"})))).name == "c"
 
 
-def test_a_plan_is_all_of_its_grasps(said: str, written, tmp_path: Path) -> None:
-    written(json.dumps({"grasps": [{"hold_file": "a.json"}], "others": [{"hold_file": "b.json"}], "x": 1}), "plan.json")
-    for name in ("a", "b"):
-        written(json.dumps({"schema": said, "name": f"{name} of "}), f"{name}.json")
+PLAN_LOADS = {"up": [0.0, 1.0, 0, 0, 0, 0], "side": [0.2, 0.0, 0, 0, 0, 0]}
+
+
+@cache
+def held_text(verdict: str = "holds") -> str:
+    """A pinch that holds both loads under one preload, or does not within a limit of commands."""
+    loads = Loads(tuple(PLAN_LOADS), np.array(list(PLAN_LOADS.values())))
+    answer = hold(pinch(), loads, command_limit=None if verdict == "holds" else 0.04)
+    assert answer.verdict == verdict
+    return json.dumps(answer.to_file())
+
+
+def planned(written, **files_by_name: Any) -> dict[str, Any]:
+    """The files of a plan of one grasp and one that is kept besides; by name others."""
+    held = json.loads(held_text())
+    grasp = held["question"]["grasp"] | {"preload": held["answer"]["preload"]}
+    entry = {"hold_file": "a.json", "grasp_file": "g.json"}
+    plan = {"grasps": [entry], "others": [entry | {"hold_file": "b.json"}], "loads": PLAN_LOADS, "x": 1}
+    made = {"plan": plan, "a": held, "b": held, "g": grasp} | files_by_name
+    for name, data in made.items():
+        written(json.dumps(data), f"{name}.json")
+    return made
+
+
+def test_a_plan_is_all_of_its_grasps(written, tmp_path: Path) -> None:
+    made = planned(written)
     done = files.verify_path(tmp_path)
     assert done.ok
     assert (done.name, [p.name for p in done.parts]) == ("plan", ["a.json", "b.json"])
-    assert [p.parts[0].name for p in done.parts] == ["a of a.json", "b of b.json"]
+    assert [p.parts[0].name for p in done.parts] == ["hold", "hold"]
     assert done.not_replayed == (files.OF_PLAN,)
-    written(json.dumps({"schema": said, "name": "b of ", "refused": "no"}), "b.json")
-    assert files.verify_path(tmp_path).reason == "b.json: b of b.json: no"
+    made["b"]["answer"]["upper"] *= 2
+    written(json.dumps(made["b"]), "b.json")
+    assert files.verify_path(tmp_path).reason.startswith("b.json: hold: answer: its largest command is ")
+
+
+def test_a_plan_is_of_holds_of_its_own_grasps_and_loads(written, tmp_path: Path) -> None:
+    """What holds nothing, or another grasp or other loads, is proved as well, but is not what the plan says."""
+    slips = json.loads(held_text("slips"))
+    made = planned(written, b=slips)
+    assert files.verify(slips).ok
+    assert files.verify_path(tmp_path).reason == "b.json: it does not say that g.json holds"
+    contacts = [made["g"]["contacts"][0] | {"friction": 0.9}, *made["g"]["contacts"][1:]]
+    planned(written, g=made["g"] | {"contacts": contacts})
+    assert files.verify_path(tmp_path).reason == "a.json: it is about another grasp than g.json"
+    preload = {name: 2 * x for name, x in made["g"]["preload"].items()}
+    planned(written, g=made["g"] | {"preload": preload})
+    assert files.verify_path(tmp_path).reason == "a.json: it is about another preload than that of g.json"
+    planned(written, g=made["g"] | {"name": "other", "mass": 3.0})  # no equation knows these
+    assert files.verify_path(tmp_path).ok
+    up, side = PLAN_LOADS["up"], PLAN_LOADS["side"]
+    for loads in ({"up": up}, {"up": up, "side": [0.1, 0, 0, 0, 0, 0]}, {"up": up, "aside": side}):
+        planned(written, plan=made["plan"] | {"loads": loads})
+        assert files.verify_path(tmp_path).reason == "a.json: its loads are not those of plan.json"
+    planned(written, plan={key: x for key, x in made["plan"].items() if key != "loads"})
+    with refused("is missing", "plan.json.loads"):
+        files.verify_path(tmp_path)
 
 
 def test_numbers_that_cannot_be_judged(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,10 +313,20 @@ def test_numbers_that_cannot_be_judged(said: str, monkeypatch: pytest.MonkeyPatc
             files.verify({"schema": said}, place)
 
 
-def test_how_many_contacts_a_plan_takes_is_verified(said: str, written, tmp_path: Path) -> None:
+def test_how_many_contacts_a_plan_takes_is_verified(written, tmp_path: Path) -> None:
+    """1 N along z, and against it, without friction, on a ball: two contacts, and no more is shown."""
+    loads = {"up": [0, 0, 1.0, 0, 0, 0], "down": [0, 0, -1.0, 0, 0, 0]}
+    said: dict[str, Any] = {"schema": "handfast/contacts/1", "object": "ball", "contacts": 2, "reason": "opposed"}
+    said |= {"friction": 0.0, "center_of_mass": [0, 0, 0], "loads": loads, "solids": [{"kind": "sphere", "size": [1]}]}
     written(json.dumps({"contacts_file": "c.json"}), "plan.json")
-    written(json.dumps({"schema": said, "name": "c of ", "refused": "no"}), "c.json")
-    assert files.verify_path(tmp_path).reason == "c.json: c of c.json: no"
+    written(json.dumps(said), "c.json")
+    assert files.verify_path(tmp_path).ok
+    written(json.dumps(said | {"contacts": 3}), "c.json")
+    reason = files.verify_path(tmp_path).reason
+    assert reason.startswith("c.json: contacts: shown is only that 1 contact on its surface cannot hold")
+    written(held_text(), "c.json")
+    with refused("is 'handfast/hold/1'; 'handfast/contacts/1' is needed", "c.json.schema"):
+        files.verify_path(tmp_path)
 
 
 @pytest.mark.parametrize("schema", [s for s in files.READERS if s != "handfast/synthesis/1"])
@@ -296,7 +356,7 @@ def test_a_reader_says_which_file_is_wrong(schema: str) -> None:
     ],
 )
 def test_faults_of_plans(plan: Any, field: str, problem: str, written, tmp_path: Path) -> None:
-    written(json.dumps(plan), "plan.json")
+    written(json.dumps(plan | {"loads": {}} if isinstance(plan, dict) else plan), "plan.json")
     with refused(problem, f"plan.json{field}"):
         files.verify_path(tmp_path)
 
@@ -309,11 +369,15 @@ def test_faults_of_plans(plan: Any, field: str, problem: str, written, tmp_path:
         ("", None, "cannot be read: Is a directory"),
         ("a.json", "[NaN]", "a.json: contains NaN; finite numbers are needed"),
         ("a.json", '{"schema": 3}', "a.json.schema: is 3; "),
-        ("a.json", '{"schema": "handfast/answer/1"}', "a.json.schema: is an answer without its proof; "),
+        (
+            "a.json",
+            '{"schema": "handfast/answer/1"}',
+            "a.json.schema: is 'handfast/answer/1'; 'handfast/hold/1' is need",
+        ),
     ],
 )
 def test_files_of_a_plan_that_are_none(name: str, text: str | None, problem: str, written, tmp_path: Path) -> None:
-    written(json.dumps({"grasps": [{"hold_file": name}]}), "plan.json")
+    written(json.dumps({"grasps": [{"hold_file": name}], "loads": {}}), "plan.json")
     if text is not None:
         written(text, name)
     with pytest.raises(files.BadFile, match=rf"\A{re.escape(problem)}"):

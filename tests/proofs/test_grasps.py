@@ -19,6 +19,8 @@ import pytest
 
 from handfast.planning.results import grasps_file
 from handfast.proofs import grasps
+from handfast.proofs.configurations import examined, read_existence
+from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.existence import Proved
 from handfast.proofs.fields import BadFile, Fields
@@ -26,6 +28,7 @@ from handfast.proofs.grasp import read_grasp
 from handfast.proofs.grasps import replay_grasps
 from handfast.proofs.replay import Replay
 from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
+from handfast.proofs.tasks import read_task
 from handfast.synthesis.embedded_task import task_to_dict
 from tests.support.holds import grip
 
@@ -107,6 +110,13 @@ def changed(data: Data, *changes: Callable[[Data], Any]) -> Replay:
     return replay_grasps(data)
 
 
+def changed_entry(*changes: Callable[[Data], Any]) -> Data:
+    data = found()
+    for change in changes:
+        change(data)
+    return data["grasps"][0]
+
+
 def put(path: str, value: Any) -> Callable[[Data], None]:
     """Another value at a path, or none if it is `...`."""
 
@@ -132,7 +142,19 @@ def test_a_grasp_and_what_it_holds_are_proved() -> None:
     held = {name: f"{name} is held" for name in ("down", "weight", "3 times down", "3 times weight")}
     assert parts == {"configuration": "an exact one exists in its box"} | held
     assert all(part.figures == {"exact": True, "residual": 0.0} for part in grasp.parts[1:])
-    assert done.not_replayed == ("clearances, scores, lower bounds of commands and the course of the search",)
+    assert done.not_replayed == (
+        "clearances, scores, lower bounds of commands and the course of the search",
+        "that the joints of a grasp, what acts on them and what ties them are those of the hand at its configuration, "
+        "and in which sense its motors drive them",
+        NAMES_CLAIM,
+    )
+
+
+def renamed(entry: Data) -> Data:
+    """With another name for the motor, whose limits would be those of no other."""
+    text = json.dumps(entry).replace('{"name": "grip", "joints"', '{"name": "x", "joints"').replace('{"grip"', '{"x"')
+    out: Data = json.loads(text)
+    return out
 
 
 G = "grasps/0/"
@@ -165,6 +187,39 @@ REFUSED = {
     "pose": (put(G + "existence/position/1", 1e-6), "grasp 1: configuration: the floats do not meet the equations"),
     "joint": (put(G + "joints/left_slide", 0.016), "grasp 1: left_slide is not at the value that is proved$"),
     "coupling": (put(G + "joints/right_slide", 0.016), "grasp 1: right_slide does not follow its coupling$"),
+    "link": (
+        put(G + "grasp/contacts/1/link", "left_finger"),
+        "grasp 1: its contacts are of left_finger, left_finger; those of the task are of left_finger, right_finger$",
+    ),
+    # contacts at 0.095 m from the palm and 0.025 m aside: 1e-9 of the larger one is 0.095 nm
+    "point": (
+        put(G + "grasp/contacts/1/position/2", 1.05e-10),
+        "grasp 1: the point of contact 1 is not that of the configuration$",
+    ),
+    "normal": (
+        put(G + "grasp/contacts/0/normal", [1.1e-9, -1.0, 0.0]),
+        "grasp 1: the normal of contact 0 is not that of the configuration$",
+    ),
+    "renamed": (
+        lambda data: data["grasps"][0].update(renamed(data["grasps"][0])),
+        "grasp 1: its actuator grip is not that of the motors$",
+    ),
+    "gearing": (
+        put(G + "grasp/mechanism/actuators/0/joints/left_slide", 2.0),
+        "grasp 1: its actuator grip is not that of the motors$",
+    ),
+    "tendon": (
+        put(G + "grasp/mechanism/actuators/0/tendon", True),
+        "grasp 1: its actuator grip is not that of the motors$",
+    ),
+    "turned back": (
+        put(G + "grasp/mechanism/actuators/1/backdrivable", False),
+        "grasp 1: its actuator spare is not that of the motors$",
+    ),
+    "no motor": (
+        lambda data: data["motors"]["actuators"].append({"name": "third", "joints": {"left_slide": 1.0}}),
+        "grasp 1: its actuator third is not that of the motors$",
+    ),
 }
 
 
@@ -176,7 +231,7 @@ def test_what_is_said_otherwise_is_refused(change: Callable[[Data], None], reaso
 
 def test_what_may_be_left_out_or_is_weaker() -> None:
     assert changed(found(), put("question/force_limit", ...), put("question/command_limit", ...)).ok
-    assert changed(found(), put("question/torque_limits", {"grip": 2.5, "unknown": 0.1})).ok
+    assert changed(found(), put("question/torque_limits", {"grip": 2.5, "spare": 0.1})).ok
     done = changed(found(), put(G + "strength", ...))
     assert done.ok
     assert [part.name for part in done.parts[0].parts] == ["configuration", "down", "weight"]
@@ -193,6 +248,17 @@ def test_what_may_be_left_out_or_is_weaker() -> None:
         (put("question/friction", -0.1), "friction: is -0.1; 0 or more is needed"),
         (put("question/torsion", -0.1), "torsion: is -0.1; 0 or more is needed"),
         (put("question/eta", -0.1), "eta: is -0.1; 0 or more is needed"),
+        (put("question/eta", 0.7854), "^question.eta: is 0.7854 rad; 0 to 0.7854 is possible, above 0 with point cont"),
+        (lambda d: d["question"].update(eta=0.1, torsion=0.001), "^question.eta: is 0.1 rad; 0 to .* point contacts"),
+        (put("question/force_limit", -1.0), "^question.force_limit: is -1; a limit is positive$"),
+        (put("question/force_limit", 0.0), "^question.force_limit: is 0; a limit is positive$"),
+        (put("question/command_limit", -1.0), "^question.command_limit: is -1; 0 or more is needed$"),
+        (put("question/torque_limits", {"grip": 0.0}), "^question.torque_limits.grip: is 0; a limit is positive$"),
+        (
+            put("question/torque_limits", {"thumb": 1.0}),
+            "^question.torque_limits: has unknown actuator 'thumb'; known are grip, spare$",
+        ),
+        (put("motors/actuators/1/name", "grip"), "^motors.actuators: 'grip' is there twice$"),
         (put("question/object/mass", -0.1), "mass: is -0.1; 0 or more is needed"),
         (put("question/object/mass", 0.0), "weight: needs an object with a mass, and a direction"),
         (put("question/object/mass", ...), "weight: needs an object with a mass, and a direction"),
@@ -219,6 +285,37 @@ def test_what_may_be_left_out_or_is_weaker() -> None:
 def test_what_no_file_of_grasps_says(change: Callable[[Data], None], fault: str) -> None:
     with pytest.raises(BadFile, match=fault):
         changed(found(), change)
+
+
+def test_contacts_and_motors_are_the_same_but_for_rounding_and_senses() -> None:
+    near = [put(G + "grasp/contacts/1/position/2", 0.9e-10), put(G + "grasp/contacts/0/normal", [0.9e-9, -1.0, 0.0])]
+    grasp, motors = read_grasp(changed_entry(*near)["grasp"], "g"), grasps._read_motors(Fields(found()["motors"]))
+    task = read_task(found()["task"])
+    proof = read_existence(found()["grasps"][0]["existence"])
+    _, at, _ = examined(ContactEquations.of(task), proof, "")
+    assert at is not None
+    assert grasps._elsewhere(grasp, task, at) == ""
+    assert grasps._other_motors(grasp, motors) == ""
+    turned = changed_entry(put(G + "grasp/mechanism/actuators/0/joints/left_slide", -1.0))["grasp"]
+    assert grasps._other_motors(read_grasp(turned, "g"), motors) == ""
+    elsewhere = {"far": ({"other": 1.0}, False, False), "none": ({}, False, False)}  # they move no joint of the grasp
+    assert grasps._other_motors(grasp, motors | elsewhere) == ""
+
+
+def test_a_grasp_of_more_contacts_is_none_of_the_task() -> None:
+    """A third contact below the block, on which nothing presses: all else is as it was."""
+    data = found()
+    one = data["grasps"][0]
+    one["grasp"]["contacts"].append(
+        {"position": [0, 0, -0.01], "normal": [0, 0, 1], "friction": 0.8, "link": "left_finger"}
+    )
+    one["grasp"]["joints"][0]["moves"].append(2)
+    for states in (one["witnesses"], one["strength"]["witnesses"]):
+        for load in states.values():
+            load["c"] += [0.0] * 3
+    done = replay_grasps(data)
+    assert done.fault.startswith("grasp 1: its contacts are of left_finger, right_finger, left_finger; those of the ")
+    assert all(part.ok for part in done.parts[0].parts)
 
 
 def test_torsion_needs_friction() -> None:
@@ -507,9 +604,10 @@ def claimed(
         return Replay(load)
 
     equations: Any = SimpleNamespace(task=SimpleNamespace(misplaced=lambda joints, proved: misplaced))
-    monkeypatch.setattr(grasps, "check_configuration", lambda of, existence: Replay("configuration"))
+    monkeypatch.setattr(grasps, "examined", lambda of, existence, name: (Replay(name), None, {}))
     monkeypatch.setattr(grasps, "_held", holds)
-    return grasps._grasp(Fields(entry), equations, terms(**asked), LOADS, "grasp 1"), held
+    motors = grasps._read_motors(Fields(found()["motors"]))
+    return grasps._grasp(Fields(entry), equations, terms(**asked), motors, LOADS, "grasp 1"), held
 
 
 def entry(**preload: float) -> Data:
@@ -591,13 +689,13 @@ def test_a_witness_of_a_load(
 
     monkeypatch.setattr(grasps, "prove", proves)
     grasp = read_grasp(found()["grasps"][0]["grasp"], "g")
-    its = terms(torque_limits={"grip": 1.5, "unknown": 9.0}, eta=0.125, force_limit=4.0)
+    its = terms(torque_limits={"grip": 1.5, "spare": 9.0}, eta=0.125, force_limit=4.0)
     done = grasps._held(Fields(state(0.25)), grasp, its, "a", LOADS["a"])
     assert (done.name, done.claim, done.reason) == ("a", claim, reason)
     assert done.figures == {"residual": 0.25, "exact": exact}
     ((p, x),) = asked
     assert (p.wrench.tolist(), p.command.tolist(), p.mdp) == (LOADS["a"].tolist(), [2, 0], True)
-    assert (p.limit.tolist(), p.force_limit, p.sin) == ([1.5, np.inf], 4, np.sin(0.125))
+    assert (p.limit.tolist(), p.force_limit, p.sin) == ([1.5, 9], 4, np.sin(0.125))
     assert x.c.tolist() == state(0.25)["c"]
     with pytest.raises(BadFile, match="more: is not a known field"):
         grasps._held(Fields(state(0.25) | {"more": 1}), grasp, its, "a", LOADS["a"])

@@ -421,6 +421,34 @@ def test_faults_are_named_by_their_place(place: str, value: Any, field: str) -> 
     assert fault.value.field == field
 
 
+@pytest.mark.parametrize(
+    ("key", "values"),
+    [
+        ("verdict", (3, None, {})),
+        ("stop", ([1], {}, False, 3, None, "x")),
+        ("hardest", ([1], {}, False, 3)),
+        ("nodes", ("x", [1], {}, False, -1, 1.5, None)),
+        ("seconds", ("x", [1], {}, False, -0.1, None)),
+        ("lower", ("x", [1], {}, False)),
+        ("upper", ("x", [1], {}, True)),
+        ("preload", ("x", [1], 3, {"left": "1.0"}, {"left": [1]}, {"left": None}, {"left": True})),
+    ],
+)
+def test_what_no_answer_says_under_a_key(key: str, values: tuple[Any, ...]) -> None:
+    """Of the bound of the largest command, which is compared with it, too."""
+    for value in values:
+        data = saved()
+        data["answer"][key] = value
+        with pytest.raises(BadFile, match=rf"^answer\.{key}(\.left)?: is "):
+            verify(data)
+
+
+def test_what_an_answer_need_not_say_is_null() -> None:
+    data = saved("impossible")
+    assert [data["answer"][key] for key in ("preload", "upper")] == [None, None]
+    assert verify(data | {"answer": data["answer"] | {"hardest": None}}).ok
+
+
 def test_what_a_file_about_paths_says() -> None:
     undecided = {"verdict": "undecided", "lower": 0}
     assert holds.replay(claims(undecided, along=True)).reason.startswith("answer: has other keys than schema, query,")

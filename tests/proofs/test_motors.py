@@ -158,11 +158,47 @@ def test_passive_tendons_push_without_a_limit() -> None:
         ({"actuators": [], "laws": {"elbow": {}}}, "laws", "joint 'elbow'"),
         ({"actuators": [], "tendons": {"t": {"joints": {"elbow": 1.0}}}}, "tendons", "joint 'elbow'"),
         ({"actuators": [], "laws": {"left_slide": {"friction": -1.0}}}, "laws.left_slide.friction", "-1"),
+        *(
+            ({"actuators": [], "laws": {"left_slide": {"stops": stops}}}, "laws.left_slide.stops", problem)
+            for stops, problem in (
+                (False, "is False; the lower and the upper one are needed, null for none"),
+                (3, "is 3; the lower and the upper one are needed, null for none"),
+                ("ab", "is 'ab'; the lower and the upper one are needed, null for none"),
+                ({"a": 1, "b": 2}, "is {'a': 1, 'b': 2}; the lower and the upper one are needed, null for none"),
+                ([], "is []; the lower and the upper one are needed, null for none"),
+                ([0.0, 0.1, 0.2], "is [0.0, 0.1, 0.2]; the lower and the upper one are needed"),
+                ([None, {}], "is {}; a finite number is needed"),
+                ([True, None], "is True; a finite number is needed"),
+                (["0", None], "is '0'; a finite number is needed"),
+            )
+        ),
     ],
 )
 def test_faults_of_motors(said: dict[str, Any], field: str, problem: str) -> None:
     with pytest.raises(BadFile, match=rf"\A{re.escape(field)}: .*{re.escape(problem)}"):
         Motors.read(Fields(said), read_task(task_to_dict(grip(0.05))), {})
+
+
+def test_a_hand_without_joints_has_motors_that_move_nothing() -> None:
+    data = task_to_dict(grip(0.05))
+    data["hand"] |= {"joints": [], "couplings": [], "links": [link | {"joints": []} for link in data["hand"]["links"]]}
+    task = read_task(data)
+    for actuators, a in (([], 0), ([{"name": "a", "joints": {}}], 1)):
+        motors = Motors.read(Fields({"actuators": actuators}), task, {})
+        assert (motors.rows.shape, motors.stops.shape) == ((a, 0), (0, 2))
+        nothing = Interval.of(np.zeros((2, 0)))
+        assert motors.work(nothing, nothing).tolist() == [pytest.approx(0.0, abs=1e-200)] * 2
+
+
+def test_stops_that_are_not_said_are_none() -> None:
+    task = read_task(task_to_dict(grip(0.05)))
+    for law in ({}, {"stops": None}, {"stops": [None, None]}):
+        assert np.isinf(Motors.read(Fields({"actuators": [], "laws": {"left_slide": law}}), task, {}).stops).all()
+    # 0.1 mm before the stop of a slide at 20 mm, and 1e-9 more of all
+    (lower, upper), *_ = Motors.read(
+        Fields({"actuators": [], "laws": {"left_slide": {"stops": [0.02, None]}}}), task, {}
+    ).stops.tolist()
+    assert (lower, upper) == (pytest.approx(0.0201 + 2e-11, abs=1e-12), np.inf)
 
 
 def test_bundled_hands_can_be_read() -> None:

@@ -333,6 +333,10 @@ def searched(**keys: Any) -> _Searched:
         ("contacts 0 and 1, more or less", 2, None),
         ("all contacts 0 and 1", 2, None),
         ("contacts 0 and its position", 2, None),
+        (f"contact {'0' * 8}1", 2, ((1,), False)),
+        (f"contact {'0' * 9}1", 2, None),
+        ("contact " + "9" * 5000, 2, None),  # which Python turns into no number
+        (f"contacts 0 and {'9' * 5000}", 2, None),
     ],
 )
 def test_which_contacts_a_search_names(by: str, count: int, contacts: Any) -> None:

@@ -72,6 +72,11 @@ def put(*path: Any, to: Any) -> Callable[[Data], None]:
     return change
 
 
+def each(kind: str, name: str) -> Callable[[Data], object]:
+    """Empty lists in a field of all links or joints."""
+    return lambda data: [one.update({name: []}) for one in data["hand"][kind]]
+
+
 HAND, CONTACT = ("hand",), ("contacts", 0)
 FAULTS: list[tuple[Callable[[Data], object], str]] = [
     (put("name", to=1), "task.name: is 1; a text is needed"),
@@ -130,6 +135,16 @@ FAULTS: list[tuple[Callable[[Data], object], str]] = [
         put(*HAND, "joints", 1, "type", to="ball"),
         "task.hand: has no link, or a joint that is not revolute or prismatic",
     ),
+    *(
+        (put(*HAND, "joints", 1, "type", to=kind), "task.hand: has no link, or a joint that is not revolute or")
+        for kind in ({}, ["revolute"], None, 3)
+    ),
+    *(
+        (each("joints", name), f"task.hand.joints[].{name}: is empty; {size} numbers are needed")
+        for name, size in (("limits", 2), ("axis", 3), ("anchor", 3))
+    ),
+    (each("joints", "ref"), "task.hand.joints[].ref: is empty; single numbers are needed"),
+    (each("links", "pose"), "task.hand.links[].pose: is empty; 4 x 4 numbers are needed"),
     (put(*HAND, "joints", 1, "axis", to=[0, 0, 0]), "task.hand.joints[].axis: is zero; a direction is needed"),
     (put(*HAND, "joints", 1, "axis", to=[0, 1]), "task.hand.joints[].axis: is no table of n x 3 numbers"),
     (put(*HAND, "joints", 1, "limits", to=[1, 0]), "task.hand.joints.ring_proximal.limits: is [1, 0]; the lower one"),

@@ -31,6 +31,8 @@ NODE_ARRAYS = ("parent", "part", "state", "left", "right")
 ROW_ARRAYS = ("kind", "index", "a", "b")
 MAX_PROOF_BYTES = 1 << 28  # bytes of a proof
 MAX_CERTIFICATE_NUMBERS = 10**8  # that a certificate stands for: what they take is in proportion
+MAX_LEAF_ROWS = 4000  # of one leaf: the time for its matrix grows as their third power
+CHECKED_LEAVES = 256  # whose matrices the checker has in memory at a time, as large as a leaf has rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +203,7 @@ def _read(f: Fields, question: Question) -> Certificate:
     ).tolist()
     *whole, y, x = (packed[i:j] for i, j in pairwise(ends))
     *columns, counts = (_unshuffled(part) for part in whole)
+    _refuse_full_leaves(counts, f.at("rows"))
     try:
         return Certificate(
             question=question,
@@ -212,6 +215,15 @@ def _read(f: Fields, question: Question) -> Certificate:
         )
     except BadFile as fault:
         raise BadFile(fault.problem, f.at(fault.field)) from None
+
+
+def _refuse_full_leaves(rows: Integers, field_: str) -> None:
+    """`BadFile` for numbers of rows (L,) of which leaves that are checked together have too many."""
+    most = np.sort(np.maximum(rows, 0))[-CHECKED_LEAVES:].astype(np.float64)
+    largest, padded = most.max(initial=0.0), float((most**2).sum())
+    if largest > MAX_LEAF_ROWS or padded > MAX_CERTIFICATE_NUMBERS:
+        problem = f"has leaves of up to {largest:.0f} rows, matrices of {padded:.2g} numbers"
+        raise BadFile(f"{problem}; at most {MAX_LEAF_ROWS} and {MAX_CERTIFICATE_NUMBERS:.2g} are possible", field_)
 
 
 def _unpacked(text: str, size: int, field_: str) -> bytes:

@@ -19,8 +19,9 @@ Four reasons, each for all numbers of contacts below one:
   surface along its normal, and if a load has a torque about it, no number of contacts holds that.
 
 Angles and sums are compared with a margin of 1e-6 and more. That is far above their rounding, and above what a state
-that holds may miss (`tolerance`): forces that balance a load are no smaller than it, in its own scale, so that 1e-9 of
-it turns neither a force nor the line by more than a few 1e-9.
+that holds may miss (`tolerance`): forces that balance a load are no smaller than it, in its own scale. Torques count by
+what they are as forces at `reach`; with much friction forces in one cone may all but cancel, so that less is shown.
+What turns a force or the line at a contact near the centre of mass more than at the farthest is bounded at each.
 """
 
 from __future__ import annotations
@@ -32,17 +33,33 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
+from handfast.proofs.fields import (
+    Array,
+    BadFile,
+    Fields,
+    Integers,
+    Mask,
+    cross,
+    floats,
+    rationals,
+    rounded,
+)
 from handfast.proofs.replay import Replay
 from handfast.proofs.solids import ConvexSolid, SurfaceParts, angle, hidden
+from handfast.proofs.tolerance import MIN_FORCE_SCALE
 
 SCHEMA = "handfast/contacts/1"
 DIRECTION_MARGIN = 1e-6  # [rad], or of a sum
 OPPOSITE_TOLERANCE = 1e-9  # of loads: these are one the other with the other sign
+MAX_OPPOSED_FRICTION = 1e8  # sqrt(1 + mu^2), 10 times less than what two forces in one cone need to miss 0 by that
+MAX_LINE_FRICTION = 100.0  # up to which what a state may miss turns no force by as much as `DIRECTION_MARGIN`
+LOST_PLACES = 1e-14  # relative: more than rounding loses of places, over the largest coordinate
 DIRECTION = 1e-3  # share of the largest of the loads below which a force or a torque counts as no direction
 # of the surface that are looked at together, and how often each is halved, at most
 SURFACE_PARTS, SURFACE_HALVINGS = 6000, 48
 CUBE_GRID = 200  # directions along each side of the six faces of a cube
+MAX_LOADS = 10_000
+LOAD_BATCH = 1 << 21  # numbers that are in memory at a time, where loads are looked at beside each other
 
 
 @dataclass(frozen=True)
@@ -94,45 +111,87 @@ class Held:
         return max(s.reach(self.center) for s in self.solids)
 
     def _torques(self, point: Array) -> Array:
-        """(k, 3) [N m] of the loads about a point."""
-        return self.loads[:, 3:] - np.cross(point, self.loads[:, :3])
+        """(k, 3) [N m] of the loads about a point, rounded once."""
+        at = rationals(point.tolist())
+        both = ((rationals(w[3:]), cross(at, rationals(w[:3]))) for w in self.loads.tolist())
+        return np.array([[rounded(t - m) for t, m in zip(*pair, strict=True)] for pair in both]).reshape(-1, 3)
+
+    @cached_property
+    def _turns(self) -> Array:
+        """(k, 3) [N m] of the loads about the centre of mass."""
+        return self._torques(self.center)
 
     # --- loads alone ---
 
-    def _both(self) -> Mask:
-        """(k,) loads that come with both signs."""
-        size = np.linalg.norm(self.loads, axis=1)
-        unit = self.loads / np.maximum(size, 1e-300)[:, None]
-        return (size > 0) & (np.linalg.norm(unit[:, None] + unit, axis=2) < OPPOSITE_TOLERANCE).any(axis=1)
+    def _both(self, reach: float) -> Mask:
+        """(k,) loads that come with both signs; torques about the centre of mass count as forces at `reach` [m]."""
+        out = np.zeros(len(self.loads), dtype=bool)
+        if not reach > MIN_FORCE_SCALE:
+            return out
+        with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which is opposite to none
+            scaled = np.hstack([self.loads[:, :3], self._turns / reach])
+            size = np.linalg.norm(scaled, axis=1)
+            unit = scaled / size[:, None]
+            for k in range(0, len(unit), step := max(1, LOAD_BATCH // (6 * max(len(unit), 1)))):
+                off = np.linalg.norm(unit[k : k + step, None] + unit, axis=2)
+                out[k : k + step] = (off < OPPOSITE_TOLERANCE).any(axis=1)
+        return out & (size > MIN_FORCE_SCALE)
 
     def opposed(self, reach: float | None = None) -> Fewest:
         """What loads of both signs take, whatever the shape.
 
         reach: [m] from `center` to the farthest place of a contact, where there are no `solids`.
         """
-        both = self._both()
+        reach = self._reach if reach is None else reach
+        both = self._both(reach)
         if not both.any():
             return Fewest(1)
         if self.friction or self.torsion:
-            return Fewest(2, "opposed")
-        force, torque = self.loads[both, :3], self._torques(self.center)[both]
-        reach = self._reach if reach is None else reach
+            # a load is no more than 2 + torsion / reach times the force behind it, both in the scale of `_both`
+            near = np.hypot(1.0, self.friction) * (1 + self.torsion / reach) <= MAX_OPPOSED_FRICTION
+            return Fewest(2, "opposed") if near else Fewest(1)
+        force, torque = self.loads[both, :3], self._turns[both]
         most = max(np.abs(force).max(initial=0.0), np.abs(torque).max(initial=0.0) / max(reach, 1e-300))
         rank = max(_rank(force, most), _rank(torque, most * reach))
         return Fewest(1 + rank, "opposed")
 
+    @cached_property
+    def _spanned(self) -> tuple[int, float]:
+        """How many of the loads are forces of both signs at the centre of mass, and the least singular value of their
+        directions.
+        """
+        force, off = self.loads[:, :3], np.linalg.norm(self._turns, axis=1)
+        size = np.linalg.norm(force, axis=1)
+        its = (size > 0) & self._both(self._reach) & (off <= OPPOSITE_TOLERANCE * self._reach * size)
+        if its.sum() < 6:
+            return 0, 0.0
+        return int(its.sum()), float(np.linalg.svd(force[its] / size[its, None], full_matrices=False)[1][2])
+
     def _weighed(self) -> bool:
         """Are among the loads forces at the centre of mass of both signs that span all directions?"""
-        force, off = self.loads[:, :3], np.linalg.norm(self._torques(self.center), axis=1)
-        its = force[self._both() & (off <= OPPOSITE_TOLERANCE * self._reach * np.linalg.norm(force, axis=1))]
-        if len(its) < 6:
-            return False
-        return bool(np.linalg.svd(its / np.linalg.norm(its, axis=1, keepdims=True))[1][2] > 0.1)
+        return self._spanned[1] > 0.1
+
+    @cached_property
+    def _aside(self) -> float:
+        """[m] over the distance of a contact from the centre of mass: the angle between the way there and a force along
+        the line that is left open, as weights and states may be off by `OPPOSITE_TOLERANCE`.
+
+        k weights, whose directions have the least singular value s, act within 1e-9 reach of the centre and are missed
+        by as much: the line is within 2e-9 reach sqrt(k) / s of it. What a contact gives to both signs of one of them
+        is s / sqrt(k) / sqrt(1 + mu^2) of it or more, times 2 and the distance from the centre over that between the
+        contacts; both contacts miss its torque by 6e-9 reach. So it is turned by 3e-9 reach over the distance.
+        """
+        k, least = self._spanned
+        if not least > 0:
+            return 0.0
+        far = max(float(np.abs(np.stack([*s.box, self.center])).max()) for s in self.solids)
+        missed = 5 * OPPOSITE_TOLERANCE * np.hypot(1.0, self.friction) * np.sqrt(k) / least
+        return float(missed * self._reach + LOST_PLACES * far)
 
     def _force(self) -> Fewest:
         if not np.isfinite(self.force_limit):
             return Fewest(1)
-        force, torque = self.loads[:, :3], np.linalg.norm(self._torques(self.center), axis=1)
+        force, torque = self.loads[:, :3], np.linalg.norm(self._turns, axis=1)
         size, most = np.linalg.norm(force, axis=1), np.hypot(1.0, self.friction)
         arm = self._reach * most + self.torsion
         needed = max(size.max() / most, torque.max() / arm), self._in_all_directions(force, size)
@@ -146,34 +205,43 @@ class Held:
         one = np.ones_like(u)
         faces = [np.roll(np.stack([sign * one, u, v], axis=1), k, axis=1) for k in range(3) for sign in (1, -1)]
         n = np.concatenate(faces)
-        along = (n / np.linalg.norm(n, axis=1, keepdims=True)) @ (force / np.maximum(size, 1e-300)[:, None]).T
-        along = np.clip(along, -1, 1)
-        gives = np.maximum(along + self.friction * np.sqrt(1 - along**2), 0.0)
-        between = 1.01 * np.sqrt(2) / (CUBE_GRID - 1) * np.hypot(1.0, self.friction)  # by how much one may be missed
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
         some = size > 0
-        return float(size.sum() / (gives[:, some].sum(axis=1).max() + between * some.sum())) if some.any() else 0.0
+        if not some.any():
+            return 0.0
+        ways, step, most = (force[some] / size[some, None]).T, max(1, LOAD_BATCH // int(some.sum())), 0.0
+        for k in range(0, len(n), step):
+            along = np.clip(n[k : k + step] @ ways, -1, 1)
+            gives = np.maximum(along + self.friction * np.sqrt(1 - along**2), 0.0)
+            most = max(most, float(gives.sum(axis=1).max()))
+        between = 1.01 * np.sqrt(2) / (CUBE_GRID - 1) * np.hypot(1.0, self.friction)  # by how much one may be missed
+        return float(size.sum() / (most + between * some.sum()))
 
     # --- the surface ---
 
     def _turning(self) -> Fewest:
         if self.friction or self.torsion or any(s.kind == "mesh" for s in self.solids):
             return Fewest(1)
-        at = np.array([s.pose[:3, 3] for s in self.solids])
-        apart, torques = at - at[0], self._torques(at[0])
-        axes = [a for s in self.solids if (a := _axis(s)) is not None] + [a for a in apart if a.any()]
-        axis = axes[0] if axes else torques[np.linalg.norm(torques, axis=1).argmax()]  # of a ball any will do
+        first = self.solids[0].pose[:3, 3]
+        at, torques = [rationals(s.pose[:3, 3].tolist()) for s in self.solids], self._torques(first)
+        axes = [rationals(a.tolist()) for s in self.solids if (a := _axis(s)) is not None]
+        axes += [way for p in at if any(way := [x - y for x, y in zip(p, at[0], strict=True)])]
+        # of a ball any will do
+        axis = axes[0] if axes else rationals(torques[np.linalg.norm(torques, axis=1).argmax()].tolist())
         # no rounding is let pass: without friction a push that is all but along a normal may be as strong as it likes
         round_ = all(_ball(s) or _axis(s) is not None for s in self.solids)
-        round_ = round_ and not any(np.cross(a, axis).any() for a in axes)
-        reach = max(s.reach(at[0]) for s in self.solids)
+        if not round_ or not any(axis) or any(any(cross(a, axis)) for a in axes):
+            return Fewest(1)
+        along = floats([x / max(map(abs, axis)) for x in axis])
+        reach = max(s.reach(first) for s in self.solids)
         size = np.linalg.norm(self.loads[:, :3], axis=1) * reach + np.linalg.norm(torques, axis=1)
-        turned = np.abs(torques @ axis) > DIRECTION_MARGIN * size * np.linalg.norm(axis)
-        return Fewest(None, "turning") if round_ and turned.any() else Fewest(1)
+        turned = np.abs(torques @ along) > DIRECTION_MARGIN * size * np.linalg.norm(along)
+        return Fewest(None, "turning") if (turned & (size > MIN_FORCE_SCALE)).any() else Fewest(1)
 
     def _no_line(self) -> bool:
         """Is there no line through the centre of mass along which two contacts can push against each other?"""
         own = [s.parts() for s in self.solids]
-        if not self.friction or self.torsion or any(p is None for p in own):
+        if not 0 < self.friction <= MAX_LINE_FRICTION or self.torsion or any(p is None for p in own):
             return False
         parts = SurfaceParts.joined([replace(p, solid=p.solid + k) for k, p in enumerate(own) if p is not None])
         for _ in range(SURFACE_HALVINGS):
@@ -194,11 +262,14 @@ class Held:
         middle, reach = parts.balls()
         way = middle - self.center
         far = np.linalg.norm(way, axis=1)
-        within = (
-            np.where(reach < far, np.arcsin(np.minimum(reach / np.maximum(far, 1e-300), 1.0)), np.pi) + DIRECTION_MARGIN
+        within = np.where(reach < far, np.arcsin(np.minimum(reach / np.maximum(far, 1e-300), 1.0)), np.pi)
+        nearest = np.maximum(far - reach, 1e-300)
+        margin = DIRECTION_MARGIN + np.where(
+            self._aside < nearest, np.arcsin(np.minimum(self._aside / nearest, 1)), np.pi
         )
+        within = within + margin
         axis, half = parts.cones()
-        pushed = np.minimum(half + np.arctan(self.friction) + DIRECTION_MARGIN, np.pi)
+        pushed = np.minimum(half + np.arctan(self.friction) + margin, np.pi)
         miss = np.stack([angle(sign * way, -axis) for sign in (1, -1)], axis=1) - (within + pushed)[:, None]
         return way / np.maximum(far, 1e-300)[:, None], within, -axis, pushed, miss
 
@@ -281,6 +352,8 @@ def read_held(f: Fields) -> tuple[Held, tuple[str, ...]]:
     """What a file asks, and the names of the loads."""
     solids = tuple(ConvexSolid.read(s) for s in f.objects("solids"))
     loads = f.object("loads")
+    if len(loads.names()) > MAX_LOADS:
+        raise BadFile(f"has {len(loads.names())} loads; at most {MAX_LOADS} are possible", loads.place)
     named = {name: loads.numbers(name, (6,)) for name in loads.names()}
     limit = f.number("force_limit", least=0.0) if f.has("force_limit") else np.inf
     torsion = f.number("torsion", 0.0, least=0.0)

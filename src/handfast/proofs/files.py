@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,8 @@ from handfast.proofs import (
     strict_json,
     synthesis,
 )
-from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.fields import Array, BadFile, Fields
+from handfast.proofs.grasp import read_grasp
 from handfast.proofs.replay import Replay
 
 PLAN_FILE = "plan.json"
@@ -73,8 +74,8 @@ READERS: dict[str, Callable[[Any, str], Replay]] = {
 
 
 def verify_path(path: str | Path) -> Replay:
-    """The same of a file, or of the folder of a plan: every grasp that `plan.json` names, and how many contacts it
-    takes at least.
+    """The same of a file, or of the folder of a plan: that every grasp that `plan.json` names holds its loads, and how
+    many contacts it takes at least.
 
     Raises:
         BadFile: nothing is there, it cannot be read, or is not what can be verified.
@@ -88,20 +89,48 @@ def verify_path(path: str | Path) -> Replay:
         return verify(read_json(path))
     plan = Fields(read_json(path / PLAN_FILE, PLAN_FILE), PLAN_FILE)
     entries = [*plan.objects("grasps", []), *plan.objects("others", [])]
-    named = [(entry, "hold_file") for entry in entries]
-    named += [(plan, "contacts_file")] if plan.has("contacts_file") else []
-    if not named:
+    if not entries and not plan.has("contacts_file"):
         raise BadFile("names no grasps", plan.at("grasps"))
-    parts = []
-    for entry, key in named:
-        name = entry.text(key)
-        if Path(name).name != name:
-            raise BadFile(f"is {name!r}; a file of the folder is needed", entry.at(key))
-        parts.append(Replay(name, parts=(verify(read_json(path / name, name), name),)))
+    asked = plan.object("loads") if entries else Fields({})
+    loads = {name: asked.numbers(name, (6,)) for name in asked.names()}
+    parts = [_planned(path, entry, loads) for entry in entries]
+    if plan.has("contacts_file"):
+        name, data = _of_folder(path, plan, "contacts_file", few_contacts.SCHEMA)
+        parts.append(Replay(name, parts=(verify(data, name),)))
     return Replay("plan", parts=tuple(parts), not_replayed=(OF_PLAN,))
 
 
-OF_PLAN = "that contacts and joints are those of the hand on the object, clearances, what became of other attempts"
+OF_PLAN = (
+    "that contacts and joints are those of the hand on the object, clearances, margins and scores in plan.json, what "
+    "became of other attempts"
+)
+
+
+def _of_folder(folder: Path, f: Fields, key: str, schema: str) -> tuple[str, Any]:
+    """The name of a file that a field names, and what is in it."""
+    name = f.text(key)
+    if Path(name).name != name:
+        raise BadFile(f"is {name!r}; a file of the folder is needed", f.at(key))
+    data = read_json(folder / name, name)
+    Fields(data, name).text("schema", among=[schema])
+    return name, data
+
+
+def _planned(folder: Path, entry: Fields, loads: Mapping[str, Array]) -> Replay:
+    """That a grasp of a plan holds the plan's loads, (6,) [N, N m] by name, under the preload in its file."""
+    name, data = _of_folder(folder, entry, "hold_file", holds.SCHEMA)
+    saved, proved = holds.read_hold(data, name), verify(data, name)
+    of_file, data = _of_folder(folder, entry, "grasp_file", "handfast/grasp/1")
+    grasp, fault = read_grasp(data, of_file), ""
+    if saved.said.get("verdict") != "holds":
+        fault = f"it does not say that {of_file} holds"
+    elif loads.keys() != saved.loads.keys() or any((loads[key] != w).any() for key, w in saved.loads.items()):
+        fault = f"its loads are not those of {PLAN_FILE}"
+    elif not grasp.same_but_commands(saved.question.grasp):
+        fault = f"it is about another grasp than {of_file}"
+    elif any((grasp.command != check.question.grasp.command).any() for check in saved.checks.values()):
+        fault = f"it is about another preload than that of {of_file}"
+    return Replay(name, "", fault, parts=(proved,))
 
 
 def read_json(path: Path, place: str = "") -> Any:

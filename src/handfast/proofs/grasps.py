@@ -1,8 +1,8 @@
 """Grasps for a task: what a `handfast/grasps/1` file claims of each, put together from proofs of both halves.
 
 Of each grasp: an exact configuration exists in which hand and object touch as the task asks, and every load alone is
-held under its one preload. That contacts, joints and mechanism of the grasp are those of the hand at that configuration
-is geometry: `handfast verify` works it out anew.
+held under its one preload. Contacts and actuators of the grasp are those of that configuration and of the motors. What
+its joints are like and what ties them is geometry: `handfast verify` works it out anew.
 
 Or that there is none: no contact forces balance the loads, wherever on the object the contacts are (`unbalanced`), or
 every configuration of some contacts is discarded, for several reasons together (`discarded_boxes`). A grasp may hold
@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs import answers
-from handfast.proofs.configurations import check_configuration, read_existence
-from handfast.proofs.contact_equations import ContactEquations
+from handfast.proofs.configurations import examined, read_existence
+from handfast.proofs.constants import MAX_ETA
+from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.contact_force_limits import ForceLimits, contact_force_limits
 from handfast.proofs.convex_solids import SolidsData
 from handfast.proofs.discarded_boxes import replay_no_grasp
@@ -38,6 +39,11 @@ from handfast.proofs.unbalanced import Placements, replay_unbalanced
 SCHEMA = "handfast/grasps/1"
 SOLIDS_CLAIM = "that the solids are those of hand and object"
 GRASPS_NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
+JOINTS_CLAIM = (
+    "that the joints of a grasp, what acts on them and what ties them are those of the hand at its configuration, and "
+    "in which sense its motors drive them"
+)
+_Motor = tuple[dict[str, float], bool, bool]
 
 
 def replay_grasps(data: Any, place: str = "") -> Replay:
@@ -45,10 +51,10 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
     f = Fields(data, place)
     f.text("schema", among=[SCHEMA])
     task, driven, asked = read_task(f.take("task")), f.take("motors"), f.object("question")
-    names = [actuator.text("name") for actuator in Fields(driven, f.at("motors")).objects("actuators")]
+    by_name = _read_motors(Fields(driven, f.at("motors")))
     loads, center = _read_loads(asked.object("loads"), asked.object("object"))
     solids = asked.object("solids") if asked.has("solids") else None
-    terms = _Terms(asked, names)
+    terms = _Terms(asked, list(by_name))
     answer, entries = f.object("answer"), list(f.objects("grasps"))
     verdict, said = answer.text("verdict", among=("found", "none", "undecided")), answer.take("loads")
     for name in ("checksum", "record"):
@@ -79,7 +85,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
         equations = ContactEquations.of(task)
     except Refused as fault:
         return Replay("grasps", "", str(fault))
-    parts = [_grasp(entry, equations, terms, loads, f"grasp {k}") for k, entry in enumerate(entries, start=1)]
+    parts = [_grasp(entry, equations, terms, by_name, loads, f"grasp {k}") for k, entry in enumerate(entries, start=1)]
     if bound is not None:
         factor = bound.number("factor", least=0.0)
         held = max((float(part.figures.get("factor") or 1.0) for part in parts), default=1.0)
@@ -89,7 +95,8 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
             task.on_object, loads, terms.friction, limits, None, bound, factor, torsion=terms.torsion
         )
         parts.append(replace(part, name="bound"))
-    return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=(GRASPS_NOT_REPLAYED,))
+    missing = GRASPS_NOT_REPLAYED, JOINTS_CLAIM, NAMES_CLAIM
+    return Replay("grasps", "", refused, parts=tuple(parts), not_replayed=missing)
 
 
 def _none(
@@ -130,6 +137,17 @@ def _same_loads(said: Any, loads: Mapping[str, Array]) -> bool:
     return all(answers.matches(said[name], load.tolist()) for name, load in loads.items())
 
 
+def _read_motors(f: Fields) -> dict[str, _Motor]:
+    """How far each actuator moves with a joint, without its sense; is it a tendon, and can it be turned back?"""
+    out: dict[str, _Motor] = {}
+    for part in f.objects("actuators"):
+        name, moved = part.text("name"), {joint: abs(x) for joint, x in part.named("joints").items() if x}
+        if name in out:
+            raise BadFile(f"'{name}' is there twice", f.at("actuators"))
+        out[name] = moved, part.flag("tendon", False), part.flag("backdrivable", False)
+    return out
+
+
 class _Terms:
     """What all loads have in common: `friction`, `torsion`, `actuators` that may be commanded, and limits."""
 
@@ -141,8 +159,15 @@ class _Terms:
         for name in self.actuators:
             refuse_unknown(name, actuators, "actuator", f.at("actuators"))
         self.eta, self.torque_limits = f.number("eta", least=0.0), f.named("torque_limits")
+        if not self.eta < MAX_ETA or (self.eta and self.torsion):
+            right = f"0 to {MAX_ETA:.4f} is possible, above 0 with point contacts alone"
+            raise BadFile(f"is {self.eta:g} rad; {right}", f.at("eta"))
+        for name, value in self.torque_limits.items():
+            refuse_unknown(name, actuators, "actuator", f.at("torque_limits"))
+            _refuse_no_limit(value, f.at(f"torque_limits.{name}"))
         self.force_limit = f.number("force_limit") if f.has("force_limit") else np.inf
-        self.command_limit = f.number("command_limit") if f.has("command_limit") else np.inf
+        _refuse_no_limit(self.force_limit, f.at("force_limit"))
+        self.command_limit = f.number("command_limit", least=0.0) if f.has("command_limit") else np.inf
         f.done()
 
     def motors(self, task: TaskData, driven: Any) -> Motors:
@@ -152,6 +177,11 @@ class _Terms:
     def force_limits(self, task: TaskData, motors: Motors) -> ForceLimits:
         """Of the normal forces at the contacts, by `force_limit` and by what the motors can do."""
         return contact_force_limits(task, motors, self.friction, self.torsion).up_to(self.force_limit)
+
+
+def _refuse_no_limit(value: float, field: str) -> None:
+    if not value > 0:
+        raise BadFile(f"is {value:g}; a limit is positive", field)
 
 
 def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | None]:
@@ -183,13 +213,49 @@ def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | 
     return out, centre if weights else None
 
 
-def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping[str, Array], name: str) -> Replay:
-    """The claims of one grasp."""
+def _elsewhere(grasp: GraspData, task: TaskData, at: Values) -> str:
+    """Which contact of a grasp is not the one of its configuration, but for rounding; '' if all are."""
+    links = tuple(task.hand.links[link].name for link in task.links)
+    if grasp.links != links:
+        return f"its contacts are of {', '.join(grasp.links)}; those of the task are of {', '.join(links)}"
+    R, p, there = at.rotation.mid[0], at.position.mid[0], at.point.mid[0]
+    far = max(float(np.abs(p).max()), float(np.abs(there).max()))
+    off = np.abs((there - p) @ R - grasp.positions).max(axis=1) > EQUALITY_TOLERANCE * far
+    turned = np.abs(-at.normal.mid[0] @ R - grasp.frames[:, :, 0]).max(axis=1) > EQUALITY_TOLERANCE
+    for wrong, what in ((off, "point"), (turned, "normal")):
+        if wrong.any():
+            return f"the {what} of contact {wrong.argmax()} is not that of the configuration"
+    return ""
+
+
+def _other_motors(grasp: GraspData, motors: Mapping[str, _Motor]) -> str:
+    """Which actuator of a grasp is not as the hand's that move one of its joints, but for senses; '' if all are."""
+    due = {name: motor for name, motor in motors.items() if motor[0].keys() & set(grasp.joints)}
+    rows = ({j: abs(x) for j, x in zip(grasp.joints, row, strict=True) if x} for row in grasp.R.tolist())
+    said = dict(zip(grasp.actuators, zip(rows, grasp.tendon, grasp.backdrivable, strict=True), strict=True))
+    wrong = [name for name in {**due, **said} if due.get(name) != said.get(name)]
+    return f"its actuator {wrong[0]} is not that of the motors" if wrong else ""
+
+
+def _grasp(
+    f: Fields,
+    equations: ContactEquations,
+    terms: _Terms,
+    motors: Mapping[str, _Motor],
+    loads: Mapping[str, Array],
+    name: str,
+) -> Replay:
+    """The claims of one grasp. motors: by name, see `_read_motors`."""
     existence = read_existence(f.take("existence"))
     joints, grasp = f.named("joints"), read_grasp(f.take("grasp"), f.at("grasp"))
     witnesses = f.object("witnesses")
     strength = f.object("strength") if f.has("strength") else None
-    parts, refused = [check_configuration(equations, existence)], equations.task.misplaced(joints, existence.joints)
+    task = equations.task
+    exists, at, _ = examined(equations, existence, "configuration")
+    parts, refused = [exists], task.misplaced(joints, existence.joints)
+    if at is not None and exists.ok:
+        refused = refused or _elsewhere(grasp, task, at)
+    refused = refused or _other_motors(grasp, motors)
     if (grasp.mu != terms.friction).any():
         refused = refused or f"friction at its contacts is not {terms.friction:g}"
     if (grasp.lever != (terms.torsion / terms.friction if terms.torsion else 0.0)).any():

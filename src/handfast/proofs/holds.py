@@ -20,7 +20,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.fields import Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, read_question
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import SEARCH_STOPS, Refused, Replay
 
 SCHEMA = "handfast/hold/1"
 HOLD_NOT_REPLAYED = "hardest, stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
@@ -67,7 +67,7 @@ def read_hold(data: Any, place: str = "") -> SavedHold:
     asked.done()
     question = read_question(one, asked.place)
     said = f.take("answer")
-    Fields(said, f.at("answer")).text("query", among=["hold"])
+    _refuse_kinds(Fields(said, f.at("answer")))
     read = path_steps.read_path if along else answers.read_answer
     checks = f.object("checks")
     of_loads = {name: read(checks.take(name), checks.at(name)) for name in by_name if checks.has(name)}
@@ -80,6 +80,18 @@ def read_hold(data: Any, place: str = "") -> SavedHold:
         more.done()
     f.done()
     return SavedHold(question, by_name, limit, said, of_loads, parts[0], parts[1], margins, along)
+
+
+def _refuse_kinds(f: Fields) -> None:
+    """`BadFile` for what of an answer is of another kind than in any answer; which keys there are is compared later."""
+    f.text("query", among=["hold"])
+    f.text("verdict", "")
+    f.text("stop", SEARCH_STOPS[0], among=SEARCH_STOPS)
+    f.whole("nodes", 0)
+    f.number("seconds", 0.0, least=0.0)
+    for name, read in (("hardest", f.text), ("lower", f.number), ("upper", f.number), ("preload", f.named)):
+        if f.has(name):
+            read(name)
 
 
 def _part(f: Fields, name: str) -> tuple[str, SavedAnswer | None] | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handfast.proofs.fields import Array, Fields, Mask, refuse_unknown
+from handfast.proofs.fields import Array, BadFile, Fields, Mask, number, refuse_unknown
 from handfast.proofs.intervals import Interval
 from handfast.proofs.tasks import TaskData
 
@@ -65,19 +65,16 @@ class Motors:
                 friction[j] = law.number("friction", 0.0, least=0.0)
                 sprung[j] = law.number("stiffness", 0.0) != 0
                 near = STOP_ANGLE if task.hand.revolute[j] else STOP_TRAVEL
-                for k, (end, sense) in enumerate(zip(law.take("stops", (None, None)), (1, -1), strict=True)):
-                    stops[j, k] = (
-                        stops[j, k]
-                        if end is None
-                        else end + sense * (near + abs(end) * (STOP_INFLATION - 1)) * STOP_INFLATION
-                    )
+                for k, (end, sense) in enumerate(zip(_stops(law), (1, -1), strict=True)):
+                    if end is not None:
+                        stops[j, k] = end + sense * (near + abs(end) * (STOP_INFLATION - 1)) * STOP_INFLATION
         if f.has("tendons"):
             tendons = f.object("tendons")
             for name in tendons.names():
                 for joint in tendons.object(name).named("joints"):
                     refuse_unknown(joint, names, "joint", tendons.place)
                     sprung[names.index(joint)] = True
-        table = np.array(rows).reshape(-1, len(names))
+        table = np.array(rows).reshape(len(rows), len(names))
         return cls(table, np.array(tendon, dtype=bool), np.array(most, dtype=float), friction, sprung, stops)
 
     def work(self, rates: Interval, joints: Interval) -> Array:
@@ -98,3 +95,13 @@ class Motors:
             else:
                 endless |= by != 0
         return np.where(endless, np.inf, total.hi)
+
+
+def _stops(law: Fields) -> list[float | None]:
+    """[rad, m] where the lower and the upper stop of a joint are; None where there is none."""
+    ends = law.take("stops", None)
+    if ends is None:
+        return [None, None]
+    if not isinstance(ends, list | tuple) or len(ends) != 2:
+        raise BadFile(f"is {ends!r}; the lower and the upper one are needed, null for none", law.at("stops"))
+    return [None if end is None else number(end, law.at("stops")) for end in ends]

@@ -29,7 +29,7 @@ from handfast.proofs.tasks import TaskData, read_task
 VERDICTS = "found", "none", "undecided"
 SYNTHESIS_COURSE = "the course of the search: starts, boxes and seconds"
 NAMES_CLAIM = "that the task's numbers are those of the hand and of the object that it names"
-SEARCHED = re.compile(r"contacts? (\d+(?:, \d+)*)(?: and (\d+|the object's position))?")
+SEARCHED = re.compile(r"contacts? (\d{1,9}(?:, \d{1,9})*)(?: and (\d{1,9}|the object's position))?")
 AT_EVERY_POSE = "all contacts, pose by pose"
 SCHEMA = "handfast/synthesis/1"
 

@@ -177,13 +177,13 @@ def _hand(f: Fields) -> HandData:
     passed = [j for its in carried for j in its]
     if any(type(j) is not int or not 0 <= j < len(names["joints"]) for j in passed) or len(set(passed)) < len(passed):
         raise BadFile("have joints that do not exist, or a joint twice", f.at("links"))
-    if not names["links"] or not {*joints["type"]} <= {*JOINT_KINDS}:
+    if not names["links"] or not all(kind in JOINT_KINDS for kind in joints["type"]):
         raise BadFile(f"has no link, or a joint that is not {' or '.join(JOINT_KINDS)}", f.place)
-    poses = numbers(links["pose"], (-1, 4, 4), f"{f.at('links')}[].pose")
+    poses = _stacked(links["pose"], (4, 4), f"{f.at('links')}[].pose")
     if (poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any():
         raise BadFile("has no 0, 0, 0, 1 as last row", f"{f.at('links')}[].pose")
-    shapes: dict[str, tuple[int, ...]] = {"axis": (-1, 3), "anchor": (-1, 3), "limits": (-1, 2), "ref": (-1,)}
-    of = {name: numbers(joints[name], shape, f"{f.at('joints')}[].{name}") for name, shape in shapes.items()}
+    shapes: dict[str, tuple[int, ...]] = {"axis": (3,), "anchor": (3,), "limits": (2,), "ref": ()}
+    of = {name: _stacked(joints[name], shape, f"{f.at('joints')}[].{name}") for name, shape in shapes.items()}
     if not of["axis"].any(axis=1).all():
         raise BadFile("is zero; a direction is needed", f"{f.at('joints')}[].axis")
     for name, ends in zip(names["joints"], of["limits"].tolist(), strict=True):
@@ -194,6 +194,14 @@ def _hand(f: Fields) -> HandData:
     each = (LinkData(*link) for link in zip(names["links"], links["parent"], carried, strict=True))
     axes, anchors, limits, ref = of.values()
     return HandData(tuple(each), poses, names["joints"], turning, axes, anchors, limits, ref, couplings)
+
+
+def _stacked(rows: list[Any], shape: tuple[int, ...], field: str) -> Array:
+    """(n, ...) numbers of this shape for each of n links or joints."""
+    out = numbers(rows, (-1, *shape), field)
+    if len(out) != len(rows):  # `numbers` takes empty lists for none
+        raise BadFile(f"is empty; {' x '.join(map(str, shape)) or 'single'} numbers are needed", field)
+    return out
 
 
 def _couplings(f: Fields, l: int) -> dict[int, CouplingData]:

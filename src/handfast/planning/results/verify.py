@@ -57,7 +57,13 @@ def verify(saved: SavedGrasps) -> Replay:
     """Does every grasp exist, is it what is said of it, and does it hold every load under its preload?"""
     data = grasps_file.to_dict(saved)
     proved = proved_grasps(data)
-    return replace(proved, parts=(*proved.parts, measured(saved)))
+    return with_geometry(proved, measured(saved))
+
+
+def with_geometry(proved: Replay, geometry: Replay) -> Replay:
+    """What is proved of a file, and what of it is measured anew, which then need not be believed."""
+    missing = tuple(line for line in proved.not_replayed if line != grasps.JOINTS_CLAIM)
+    return replace(proved, parts=(*proved.parts, geometry), not_replayed=missing)
 
 
 def proved_grasps(data: dict[str, Any]) -> Replay:
