@@ -263,7 +263,7 @@ def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
         raise Refused(f"{name}: the answer is about another grasp")
     if q.grasp.start is not None or asked.grasp.start is not None:
         raise Refused(f"{name}: the answer is about a step from another state, not from rest")
-    back = asked.grasp.backdrivable
+    back = asked.grasp.backdrivable & ~asked.sought
     if (q.grasp.command[back] != asked.grasp.command[back]).any():
         raise Refused(f"{name}: the answer is about other commands of backdrivable actuators")
 

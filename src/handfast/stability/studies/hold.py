@@ -183,7 +183,8 @@ class HoldOptions:
 
     Attributes:
         actuators: whose commands are sought; by default those that the grasp commands now, or all. The
-            others stay locked; backdrivable motors stay as the grasp commands them.
+            others stay locked; backdrivable motors stay as the grasp commands them. Where one is named its command is
+            found by trying shapes alone: no bound is known, and never that there is none.
         least: try every shape of the preload and bound its largest command from below; False is content with
             the first that holds.
         margins: find how much of each load is resisted under the preload, with `maximum`: `HoldAnswer.margins`.
@@ -251,6 +252,8 @@ class _HoldSearch:
         self.grasp, self.loads, self.clock, self.on_progress = grasp, loads, clock, on_progress
         self.names = tuple(asked.actuators or grasp.sought_actuators)
         self.known = {} if asked.least else asked.known
+        back = dict(zip(grasp.mechanism.actuators, grasp.mechanism.backdrivable, strict=True))
+        self.turned_back = any(back.get(name) for name in self.names)  # `torques` does not seek their commands
         self.settings, self.bounds, self.limits = asked.settings, asked.bounding or asked.settings, asked.limits
         self.loading, self.along = asked.loading, comes_after(asked.loading)
         if self.along:
@@ -288,6 +291,8 @@ class _HoldSearch:
             if self.loads.names[k] in self.known:
                 known = self.known[self.loads.names[k]]
                 needs.append({n: float(known.get(n, 0.0)) for n in self.names})
+                continue
+            if self.turned_back:
                 continue
             share = 1 / (left + 1)  # as much is left for shapes
             a = self.torques(k, self.bounds, share)
