@@ -230,20 +230,22 @@ def test_leaves_are_looked_at_in_batches_and_more_closely_once_all_were(
 
 
 @pytest.mark.parametrize(("to_the_end", "asked"), [(True, [0, 1, 2]), (False, [0, 1])])
+@pytest.mark.parametrize("batch", [1, 2])
+@pytest.mark.parametrize("margin", [-1.0, 0.0])
 def test_a_leaf_that_is_not_proved_may_end_it(
-    monkeypatch: pytest.MonkeyPatch, to_the_end: bool, asked: list[int]
+    monkeypatch: pytest.MonkeyPatch, to_the_end: bool, asked: list[int], batch: int, margin: float
 ) -> None:
-    """Three leaves that floating point does not show, each a batch; the second is not proved at all."""
+    """Three leaves that floating point does not show, in batches; the second is not proved at all."""
     looked: list[int] = []
 
     def systems(_: Any, __: Any, some: Integers, ___: Any) -> SimpleNamespace:
         def more_exactly(before: Array, *_: float) -> tuple[Array, Array]:
             looked.extend(some.tolist())
-            return np.where(some == 1, -1.0, 0.25), np.full(len(some), np.inf)
+            return np.where(some == 1, margin, 0.25), np.full(len(some), np.inf)
 
         return SimpleNamespace(proved=lambda: np.full(len(some), -1.0), more_exactly=more_exactly)
 
-    monkeypatch.setattr(checker, "LEAF_BATCH", 1)
+    monkeypatch.setattr(checker, "LEAF_BATCH", batch)
     monkeypatch.setattr(checker, "checked_rows", lambda _, __, some: some)
     monkeypatch.setattr(checker, "LeafSystems", systems)
     found = verify(proof(), to_the_end=to_the_end)

@@ -22,6 +22,7 @@ from handfast.proofs.tolerance import (
     motion_size,
     size_of,
     slack_units,
+    ways,
 )
 from tests.support.exact_states import data
 from tests.support.small_grasp import small_grasp
@@ -232,3 +233,24 @@ def test_what_a_coupling_drives_is_in_play(ratio: float | None, force: float) ->
     q = question(grasp, "largest", direction=along.tolist())
     assert drives(q) == pytest.approx(force)
     assert farthest(q) == pytest.approx(1e3 * (force or 1.0))
+
+
+@pytest.mark.parametrize(
+    ("couplings", "moved"),
+    [
+        ([[1, -2, 0], [0, 1, -1]], [[2], [1], [1]]),  # the first moves twice as far as the second, that as the third
+        ([[0, 4, 2]], [[1, 0], [0, -0.5], [0, 1]]),
+        ([[1, -1, 0], [2, -2, 0]], [[1, 0], [1, 0], [0, 1]]),  # the same twice
+        ([[3, 0, 0]], [[0, 0], [1, 0], [0, 1]]),  # a joint that stands
+        (np.zeros((0, 3)), np.eye(3)),
+        (np.zeros((0, 0)), np.zeros((0, 0))),
+    ],
+)
+def test_how_joints_move_where_couplings_hold(couplings: Any, moved: Any) -> None:
+    np.testing.assert_array_equal(ways(np.array(couplings, dtype=float)), moved)
+
+
+def test_contacts_that_were_pressed_before_are_in_play() -> None:
+    start = {"gaps": [-40.0, 5.0], "stops": [0.0] * 3, "slack": [0.0] * 3}
+    assert drives(question(quiet(), **{"from": start})) == 40
+    assert drives(question(quiet(), **{"from": start | {"gaps": [1.0, 5.0]}})) == 0
