@@ -13,7 +13,7 @@ import numpy as np
 
 from handfast.proofs import rows
 from handfast.proofs.cases import BadCertificate, leaf_cases
-from handfast.proofs.certificate import Certificate
+from handfast.proofs.certificate import CHECKED_LEAVES, Certificate
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.kinds import Row
@@ -21,7 +21,7 @@ from handfast.proofs.leaves import CitedRows, Late, LeafSystems, in_time
 from handfast.proofs.rows import Columns, LeafRows, zeros
 from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, MIN_SIZE, TOO_SMALL, in_play
 
-LEAF_BATCH = 256  # leaves whose rows are in memory at a time
+LEAF_BATCH = CHECKED_LEAVES  # leaves whose rows are in memory at a time
 NO_TIME = "there was no time to check it all"
 
 

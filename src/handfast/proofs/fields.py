@@ -176,6 +176,12 @@ def texts(value: Any, field: str) -> tuple[str, ...]:
     return tuple(value)
 
 
+def refuse_no_limit(value: float, field: str) -> None:
+    """`BadFile` unless a limit of forces is positive."""
+    if not value > 0:
+        raise BadFile(f"is {value:g}; a limit is positive", field)
+
+
 def refuse_unknown(name: str, known: Sequence[str], kind: str, field: str) -> None:
     """`BadFile` for a name that nothing has."""
     if name not in known:

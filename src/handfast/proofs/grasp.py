@@ -199,9 +199,14 @@ class GraspData:
 
         Where these are none but for rounding: the levers of what turns; else the joint's unit.
         """
-        arms, sums = (np.sqrt((x * x).sum(axis=0)) for x in (self.J, self.sizes[1]))
-        turned = np.sqrt((self.twist_jacobian**2).sum(axis=0))
-        return np.where(arms > LENGTH_ROUNDING * sums, arms, np.where(turned > 0, turned, self.joint_units))
+        return self.arms_of(np.eye(self.l))
+
+    def arms_of(self, moved: Array) -> Array:
+        """(d,) the same for a unit of each of d ways (l, d) in which joints move together."""
+        arms, sums = (np.sqrt((x * x).sum(axis=0)) for x in (self.J @ moved, self.sizes[1] @ np.abs(moved)))
+        turned = np.sqrt(((self.twist_jacobian @ moved) ** 2).sum(axis=0))
+        units = self.joint_units @ np.abs(moved)
+        return np.where(arms > LENGTH_ROUNDING * sums, arms, np.where(turned > 0, turned, units))
 
     @cached_property
     def actuator_arms(self) -> Array:

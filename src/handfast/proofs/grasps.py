@@ -26,7 +26,7 @@ from handfast.proofs.convex_solids import SolidsData
 from handfast.proofs.discarded_boxes import replay_no_grasp
 from handfast.proofs.existence import prove
 from handfast.proofs.few_contacts import replay_of_loads
-from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, refuse_unknown
+from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, refuse_no_limit, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.motors import Motors
 from handfast.proofs.question import CHECK, Question
@@ -164,9 +164,9 @@ class _Terms:
             raise BadFile(f"is {self.eta:g} rad; {right}", f.at("eta"))
         for name, value in self.torque_limits.items():
             refuse_unknown(name, actuators, "actuator", f.at("torque_limits"))
-            _refuse_no_limit(value, f.at(f"torque_limits.{name}"))
+            refuse_no_limit(value, f.at(f"torque_limits.{name}"))
         self.force_limit = f.number("force_limit") if f.has("force_limit") else np.inf
-        _refuse_no_limit(self.force_limit, f.at("force_limit"))
+        refuse_no_limit(self.force_limit, f.at("force_limit"))
         self.command_limit = f.number("command_limit", least=0.0) if f.has("command_limit") else np.inf
         f.done()
 
@@ -177,11 +177,6 @@ class _Terms:
     def force_limits(self, task: TaskData, motors: Motors) -> ForceLimits:
         """Of the normal forces at the contacts, by `force_limit` and by what the motors can do."""
         return contact_force_limits(task, motors, self.friction, self.torsion).up_to(self.force_limit)
-
-
-def _refuse_no_limit(value: float, field: str) -> None:
-    if not value > 0:
-        raise BadFile(f"is {value:g}; a limit is positive", field)
 
 
 def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | None]:

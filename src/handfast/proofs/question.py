@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs.constants import MAX_ETA
-from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_no_limit, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp, read_start
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
 
@@ -188,11 +188,9 @@ def read_question(data: Any, place: str) -> Question:
     limits = f.named("torque_limits", {})
     for name, value in limits.items():
         refuse_unknown(name, g.actuators, "actuator", f.at("torque_limits"))
-        if not value > 0:
-            raise BadFile(f"is {value:g}; a limit is positive", f.at(f"torque_limits.{name}"))
+        refuse_no_limit(value, f.at(f"torque_limits.{name}"))
     force = f.number("force_limit", least=0.0) if f.has("force_limit") else np.inf
-    if not force > 0:
-        raise BadFile("is 0; a limit is positive", f.at("force_limit"))
+    refuse_no_limit(force, f.at("force_limit"))
     if goal == SMALLEST_PRELOAD and (wrench.any() or limits or force < np.inf):
         raise BadFile(f"'{goal}' knows no base load and no limits", f.at("goal"))
     driven = f.texts("driven", ())

@@ -16,8 +16,8 @@ from math import hypot
 import numpy as np
 from flint import fmpq_mat
 
-from handfast.proofs.fields import Array, Mask, cross_rows, rationals, rounded
-from handfast.proofs.grasp import LENGTH_ROUNDING, GraspData
+from handfast.proofs.fields import Array, cross_rows, rationals, rounded
+from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 
 UNIT_ROUNDOFF = 2.0**-53  # relative error of one rounded operation
@@ -102,8 +102,8 @@ def drives(q: Question) -> float:
 def _drives(q: Question, moved: Array) -> float:
     """[N] the largest of commands, limits, given torques and friction, where joints move in some ways (l, d)."""
     g = q.grasp
-    arms, touching = _arms(g, moved)
-    R = np.abs(g.R @ moved)
+    arms, R = g.arms_of(moved), np.abs(g.R @ moved)
+    touching = (g.J @ moved).any(axis=0) | (g.twist_jacobian @ moved).any(axis=0)
     moves = (R[:, touching] != 0).any(axis=1)
     own = np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1, initial=np.inf)
     limits = np.array([q.torque_limits.get(name, 0.0) for name in g.actuators])
@@ -125,15 +125,6 @@ def ways(A: Array) -> Array:
     for j, row in zip(driven, rows, strict=True):
         out[j] = [-rounded(row[k]) for k in own]
     return out
-
-
-def _arms(g: GraspData, moved: Array) -> tuple[Array, Mask]:
-    """(d,) motion of the contacts for a unit of each way of the joints, as `GraspData.joint_arms`; do they touch?"""
-    J, twist = g.J @ moved, g.twist_jacobian @ moved
-    arms, sums = (np.sqrt((x * x).sum(axis=0)) for x in (J, g.sizes[1] @ np.abs(moved)))
-    turned, units = np.sqrt((twist**2).sum(axis=0)), g.joint_units @ np.abs(moved)
-    arms = np.where(arms > LENGTH_ROUNDING * sums, arms, np.where(turned > 0, turned, units))
-    return arms, np.asarray(J.any(axis=0) | twist.any(axis=0))
 
 
 def in_play(q: Question, magnitude: float) -> float:
