@@ -17,13 +17,13 @@ from handfast.proofs import checker
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
-from handfast.stability.problem import judge
+from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search import search
 from handfast.stability.studies import questions as queries
 from tests.support.interruptions import ctrl_c, interrupt
-from tests.support.problems import Z, bell, nest, pinch, table
+from tests.support.problems import Y, Z, bell, nest, pinch, table
 
 A = TypeVar("A", bound=Answer)
 
@@ -197,6 +197,36 @@ def test_a_motor_may_drive_a_jaw_by_a_slide_that_touches_nothing(command: float,
     assert most.lower == pytest.approx(command / abs(ratio), rel=1e-3)
     assert most.upper == pytest.approx(most.lower, rel=1.001e-3)
     assert most.verify().ok
+
+
+def geared_pinch(*ratios: float) -> Grasp:
+    """A fixed contact, and jaws opposite that a motor's slide, which touches nothing, drives: so far per motion."""
+    contacts, joints = [Contact([-1, 0, 0], [1, 0, 0], 0.5)], []
+    for i in range(len(ratios)):
+        contacts.append(Contact([1, 0.3 * np.cos(2.1 * i), 0.3 * np.sin(2.1 * i)], [-1, 0, 0], 0.5))
+        joints.append(GraspJoint(f"jaw{i}", [-1, 0, 0], [0, 0, 0], (i + 1,), "prismatic"))
+    joints.append(GraspJoint("slide", [0, 0, 1], [0, 0, 0], (), "prismatic"))
+    couplings = np.hstack([np.eye(len(ratios)), -np.array(ratios)[:, None]])
+    belt = Mechanism(("motor",), np.eye(len(joints))[-1:], couplings, (False,))
+    return Grasp(contacts, joints, belt, preload={"motor": 1.0})
+
+
+@pytest.mark.parametrize("along", [Y, Z])
+def test_commands_beyond_the_end_of_a_search_are_not_said_to_be_none(along: np.ndarray) -> None:
+    """Certificates end where the search did, at 10^6 N for the first jaw; what carries Z may be beyond."""
+    answer = queries.torques(geared_pinch(1e3, 1e-3), along)
+    assert answer.verdict is not Verdict.SLIPS
+    assert answer.lower < np.inf
+    assert answer.verify().ok
+
+
+def test_commands_are_sought_as_far_as_couplings_take_forces() -> None:
+    """1,000 N at a contact are 10^6 N of a motor whose jaw goes 1,000 times as far."""
+    p = scaled_problem.build(geared_pinch(1e3), w(0, 1, 0), driven=np.array([True]))
+    assert p.force == pytest.approx(1.0)
+    assert p.command_end * p.command_unit == pytest.approx(1e6)
+    none = scaled_problem.build(pinch(), w(0, 1, 0), driven=np.array([True, True]))
+    assert none.command_end == 1e3
 
 
 def test_a_free_joint_carries_nothing() -> None:

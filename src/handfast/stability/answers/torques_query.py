@@ -145,8 +145,10 @@ def shown_torques(posed: BoundProblem, names: Sequence[str], found: Outcome) -> 
     """What a search has shown of the smallest commands of these actuators; not settled yet."""
     assert isinstance(posed.goal, SmallestCommands)
     preload, lower, upper = None, max(found.bound, 0.0), INF
-    if found.bound == INF:
-        verdict, lower = Verdict.SLIPS, INF
+    if lower == INF and found.proof is not None:  # no more than the certificate covers
+        lower = posed.goal.scalar_unit(posed.problem) * found.proof.cut
+    if lower == INF:
+        verdict = Verdict.SLIPS
     elif found.witness is None:
         verdict = Verdict.UNDECIDED
     else:
@@ -213,6 +215,8 @@ def _carrying(p: ScaledProblem, goal: Objective, settings: Settings, found: Outc
     The least may be approached only as a command goes to none, which leaves its actuator turning without force.
     """
     there = solve(p, goal, settings, None, least=LEAST_COMMAND)
+    if there.witness is None:  # up to the end of a search, which is not that there are none
+        return found.after(there)
     out = there.after(found)
     if there.stop is Stop.COMPLETE or found.bound <= there.bound:
         return out

@@ -27,7 +27,6 @@ INF = float("inf")
 # times the usual end of magnitudes, where nothing is resisted up to there: commands still count there
 COMMAND_END_FACTOR = 1e3
 HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
-STRONGEST = 1e3  # (scaled) commands that are sought go as far
 NO_MAGNITUDE = 1e-10  # magnitudes, in other forces in play, that count as none
 NO_COMMAND = 1e-8  # (scaled) by which commands may differ that count as the same
 
@@ -268,7 +267,7 @@ class SmallestCommands(Objective):
         return f"no commands of {_range(scalar)} suffice"
 
     def search_range(self, p: ScaledProblem, *, endless: bool = False) -> Range:
-        return 0.0, INF if endless else STRONGEST
+        return 0.0, INF if endless else p.command_end
 
     def scalar_unit(self, p: ScaledProblem) -> float:
         return p.command_unit

@@ -23,6 +23,7 @@ from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import State
 
 BALANCE_TOLERANCE = 1e-9  # relative: forces that miss a disturbance by less balance it
+STRONGEST = 1e3  # times the other forces in play: as far goes the search for commands
 UNBOUNDED_DISTURBANCE = 1e4  # a disturbance this many times the other forces in play counts as unbounded
 COUPLING_ROUNDING = 1e-12  # relative: motions of contacts that are less are none
 RUBS = 0.1  # share of a joint's dry friction that is a force in play: it is the most that may act, not what acts
@@ -160,6 +161,18 @@ class ScaledProblem:
     def command_unit(self) -> float:
         """[N m or N] of a scaled unit of the largest command that is sought; 1 if none is."""
         return float(self.command_units[self.driven].max()) if self.driven.any() else 1.0
+
+    @property
+    def command_end(self) -> float:
+        """The scaled command of the largest that are sought at which their search ends.
+
+        `STRONGEST` times the other forces in play, at contacts however far couplings let a motor move them.
+        """
+        if not len(self.A) or not self.driven.any():
+            return STRONGEST
+        arms = _coupled_arms(self.equivalent.plain)[self.driven]
+        farthest = arms[np.isfinite(arms)].max(initial=0.0)
+        return STRONGEST * max(1.0, float(farthest) * self.force / self.command_unit)
 
     @property
     def command_units(self) -> Array:
@@ -397,11 +410,17 @@ def _by_couplings(grasp: AnyGrasp) -> Any:
     A = grasp.mechanism.A
     if not A.shape[-2]:
         return 0.0
+    return (np.abs(grasp.command) / _coupled_arms(grasp).min(axis=-1)).max(axis=-1, initial=0.0)
+
+
+def _coupled_arms(grasp: AnyGrasp) -> Array:
+    """(a, d) [m] how far contacts move per motion of an actuator, along each of the `ways`; inf where none does."""
+    A = grasp.mechanism.A
     moved = ways(A) if A.ndim == 2 else np.stack([ways(x) for x in A])
     arms, R = np.linalg.norm(grasp.J @ moved, axis=-2), np.abs(grasp.mechanism.R @ moved)
     touches = arms > COUPLING_ROUNDING * np.linalg.norm(np.abs(grasp.J) @ np.abs(moved), axis=-2)
-    arms = np.where((R > 0) & touches[..., None, :], arms[..., None, :] / np.where(R > 0, R, 1.0), np.inf).min(axis=-1)
-    return (np.abs(grasp.command) / arms).max(axis=-1, initial=0.0)
+    out: Array = np.where((R > 0) & touches[..., None, :], arms[..., None, :] / np.where(R > 0, R, 1.0), np.inf)
+    return out
 
 
 def _given(same: EquivalentGrasp) -> float:
