@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -354,11 +355,23 @@ def test_what_may_be_above_a_part_has_to_be_inside_as_well() -> None:
 
 
 @pytest.mark.parametrize("name", ["radius", "slack"])
-def test_a_solid_has_to_reach_beyond_what_it_hides(name: str) -> None:
-    """By 2e-5 m, beyond a part that is raised to so little below the top, or may be."""
+@pytest.mark.parametrize("half", [2e-9, 0.02, 3e5])
+def test_a_solid_has_to_reach_beyond_what_it_hides(name: str, half: float) -> None:
+    """By 2e-5 of its length, 4e-5 halves, beyond a part that is raised to so little below the top, or may be."""
     assert (SOLID_TOUCH_DISTANCE, COVER_DISTANCE) == (1e-5, 2e-5)
-    for left, is_hidden in ((3e-5, True), (1e-5, False)):
-        assert within(one([0, 0, 0], Z, **{name: 0.02 - left})) == is_hidden
+    for left, is_hidden in ((6e-5, True), (2e-5, False)):
+        part = one([0, 0, 0], Z, **{name: half * (1 - left)})
+        (out,) = hidden(replace(part, solid=part.solid + 1), [cube(half)])
+        assert out == is_hidden
+
+
+@pytest.mark.parametrize("half", [2e-9, 0.02, 3e5])
+def test_solids_touch_that_are_as_near_as_their_length_allows(half: float) -> None:
+    """A push along x, beyond which the cube reaches, 1e-5 of the length above its top or 2e-5: each 2e-5 halves."""
+    for above, is_hidden in ((1e-5, True), (3e-5, False)):
+        part = one([0, 0, half * (1 + above)], X)
+        (out,) = hidden(replace(part, solid=part.solid + 1), [cube(half)])
+        assert out == is_hidden
 
 
 def test_a_solid_has_to_reach_beyond_along_every_normal() -> None:

@@ -21,7 +21,7 @@ from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
 SOLID_SIZES = {"mesh": 0, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
 EQUAL_NORMAL_ANGLE = 1e-7  # [rad] normals that differ by less are one
 MAX_NORMAL_CONE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
-# [m] solids that are this near touch; one that goes so far beyond a point covers it
+# of an object's length: solids that are this near touch; one that goes so far beyond a point covers it
 SOLID_TOUCH_DISTANCE, COVER_DISTANCE = 1e-5, 2e-5
 CONVEXITY_TOLERANCE = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
 SOLID_BATCH = 512  # parts that are looked at together
@@ -260,16 +260,17 @@ def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
     bulge = parts.radius * (1 / np.cos(half) - 1) + parts.slack  # of arcs over their chords
     low, high = raised.min(axis=1), raised.max(axis=1)
     out = np.zeros(len(parts), dtype=bool)
+    corners = np.array([solid.box for solid in solids])
+    length = float(np.ptp(corners, axis=(0, 1)).max())
+    touch, cover = SOLID_TOUCH_DISTANCE * length, COVER_DISTANCE * length
     for k, solid in enumerate(solids):
-        inside = (low >= solid.box[0] - SOLID_TOUCH_DISTANCE).all(axis=1) & (
-            high <= solid.box[1] + SOLID_TOUCH_DISTANCE
-        ).all(axis=1)
+        inside = (low >= solid.box[0] - touch).all(axis=1) & (high <= solid.box[1] + touch).all(axis=1)
         its = np.flatnonzero(~out & narrow & inside & (parts.solid != k))
         for some in np.split(its, range(SOLID_BATCH, len(its), SOLID_BATCH)):
             ways = solid.farthest(axis[some])[:, None] - parts.points[some]
             beyond = (
                 (ways @ parts.normals[some].swapaxes(1, 2)).min(axis=(1, 2)) - parts.radius[some] - parts.slack[some]
             )
-            within = solid.depth(raised[some]).min(axis=1) >= bulge[some] - SOLID_TOUCH_DISTANCE
-            out[some] = within & (beyond >= COVER_DISTANCE)
+            within = solid.depth(raised[some]).min(axis=1) >= bulge[some] - touch
+            out[some] = within & (beyond >= cover)
     return out
