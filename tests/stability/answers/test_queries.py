@@ -220,6 +220,16 @@ def test_commands_beyond_the_end_of_a_search_are_not_said_to_be_none(along: np.n
     assert answer.verify().ok
 
 
+def test_where_no_least_commands_are_found_those_of_the_grasp_may_hold() -> None:
+    """The search for the least fails, with the second jaw's ratio of 0.003; a check of 100 N does not."""
+    grasp = geared_pinch(100, 3e-3).with_preload({"motor": 100.0})
+    assert check(grasp, w(0, 1, 0.4)).verdict is Verdict.HOLDS
+    answer = queries.torques(grasp, w(0, 1, 0.4))
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.upper <= 100.0
+    assert answer.verify().ok
+
+
 def test_commands_are_sought_as_far_as_couplings_take_forces() -> None:
     """1,000 N at a contact are 10^6 N of a motor whose jaw goes 1,000 times as far."""
     p = scaled_problem.build(geared_pinch(1e3), w(0, 1, 0), driven=np.array([True]))

@@ -206,7 +206,14 @@ def _found(
     yield found
     left = min(settings.nodes - found.nodes, ANY_STATE_NODES + 2 * found.nodes)
     if found.stop in (Stop.COMPLETE, Stop.NUMERICAL) and found.bound < INF and left > 0 and not clock.late:
-        yield _carrying(p, goal, replace(time_left(settings, clock), nodes=left), found)
+        found = _carrying(p, goal, replace(time_left(settings, clock), nodes=left), found)
+        yield found
+    if found.stop is not Stop.INTERRUPTED and found.bound < INF:  # no fewer are found than the grasp has
+        own = grasp.with_preload(np.where(p.grasp.command != 0, grasp.command, 0.0))
+        few = replace(settings, nodes=min(settings.nodes, ANY_STATE_NODES))
+        held = held_under(own, p, few, found, clock) if own.command.any() else None
+        if held is not None:
+            yield held
 
 
 def _carrying(p: ScaledProblem, goal: Objective, settings: Settings, found: Outcome) -> Outcome:
