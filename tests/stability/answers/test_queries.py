@@ -199,6 +199,29 @@ def test_a_motor_may_drive_a_jaw_by_a_slide_that_touches_nothing(command: float,
     assert most.verify().ok
 
 
+def test_the_magnitude_at_the_end_of_a_search_is_that_of_its_state() -> None:
+    """Motions 10^4 times the load leave 4e-8 of the scalar to rounding; the commands of the state are the grasp's."""
+    at = [[4.73, -27.1, -9.67], [3.33, -0.18, 9.44], [0.94, -40.1, 13.6], [-0.418, -39.9, 7.93], [20.1, -28.7, -3.98]]
+    into = [[0.432, 0, 0.902], [-0.121, -0.986, -0.114], [0.522, 0.683, -0.511], [0.732, 0.666, -0.141]]
+    into.append([-0.953, -0.107, 0.284])
+    contacts = [
+        Contact(0.001 * np.array(p), n / np.linalg.norm(n), 0.0 if k == 3 else 0.157, torsion=0.0 if k else 0.000526)
+        for k, (p, n) in enumerate(zip(at, into, strict=True))
+    ]
+    axes = [[0.305, -0.147, 0.941], [0.372, 0.442, 0.816], [0.278, -0.702, -0.655]]
+    origins = [[0.0312, -0.0179, -0.00233], [-0.0374, -0.0188, -0.0151], [0.0212, -0.0545, 0.0376]]
+    joints = [
+        GraspJoint(f"j{k}", a / np.linalg.norm(a), o, moves, torque=0.0195 if k == 1 else 0.0)
+        for k, (a, o, moves) in enumerate(zip(axes, origins, [(1, 3), (4, 0), (2,)], strict=True))
+    ]
+    rows = np.array([[0, -0.41, 0], [0, 2.08, 0], [-1.01, 1.01, 0]])
+    mechanism = Mechanism(("a", "b", "c"), rows, np.zeros((0, 3)), (False, True, False))
+    grasp = Grasp(contacts, joints, mechanism, preload={"a": 0.00394})
+    answer = queries.maximum(grasp, [0.0579, 0.0524, -0.234, 0.00615, 0.00218, 0.0011])
+    assert answer.unbounded
+    assert answer.verify().ok
+
+
 def geared_pinch(*ratios: float) -> Grasp:
     """A fixed contact, and jaws opposite that a motor's slide, which touches nothing, drives: so far per motion."""
     contacts, joints = [Contact([-1, 0, 0], [1, 0, 0], 0.5)], []

@@ -203,6 +203,8 @@ def _outcome(s: Search, goal: Objective, settings: Settings, limits: SearchLimit
     if refused:  # the judge has the last word; everything the search cut off by it is open again
         return Outcome(INF, -INF, None, Stop.NUMERICAL, limits.seconds, spent + s.nodes)
     value = best * r.scale
+    if found and z is not None and r.objective == arrays.SCALAR:
+        value = r.scalar(z)  # by which its commands are the grasp's
     shown = s.end if found else INF
     bound = r.scale * (shown if stop is Stop.COMPLETE else s.close(limits.end))
     first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
@@ -272,7 +274,7 @@ def _at(r: Reduced, magnitude: float, settings: Settings) -> Array | None:
 
 def _improved(r: Reduced, out: Outcome, point: Array, stop: Stop) -> Outcome:
     """With the state at a point (n,), and the stop it gives, if it is valid and better than what was found."""
-    value, state = r.scale * r.scalar(point), r.witness(r.point(point))
+    value, state = r.scalar(point), r.witness(r.point(point))
     if not state.valid or value >= out.value:
         return out
     return replace(out, value=value, witness=state, point=point, stop=stop)
@@ -315,4 +317,4 @@ def _inside(r: Reduced, z: Array, value: float, gap: float, found: Witness) -> t
     if inner is None:
         return z, value, found
     w = r.witness(r.point(inner))
-    return (inner, r.scale * r.scalar(inner), w) if w.valid else (z, value, found)
+    return (inner, r.scalar(inner), w) if w.valid else (z, value, found)

@@ -260,9 +260,8 @@ class Reduced:
         return ScaledPoint(x[:6], x[6:], c, f, coupling, scalar, twist)
 
     def scalar(self, z: Array) -> float:
-        """The objective at reduced unknowns z (n,), where a magnitude is sought."""
-        k = 3 * self.sizes[0] + 2 * self.sizes[1]
-        return float(self.C[k] @ z + self.off[k])
+        """The objective at reduced unknowns z (n,), where a magnitude is sought: to the last bit that of `point`."""
+        return self.goal.objective(self.point(z).scalar)
 
     def z(self, x: ScaledPoint) -> Array:
         """The reduced unknowns nearest to a point of the model."""
