@@ -254,6 +254,11 @@ def test_only_the_load_alone_may_be_scaled() -> None:
     assert not is_scale_free(driven)
     assert not is_scale_free(replace(alone, force_limit=2.0))
     assert not is_scale_free(replace(alone, torque_limits={"jaw": 2.0}))
+    for name in ("command", "torque", "friction"):  # whether they meet a contact or not
+        acting = replace(alone.grasp, moves=alone.grasp.moves & False, **{name: np.ones(1)})
+        assert not is_scale_free(replace(alone, grasp=acting))
+    start = StartData(np.array([-1.0] * alone.grasp.m), np.zeros(1), np.zeros(1))
+    assert not is_scale_free(replace(alone, grasp=alone.grasp.with_start(start)))
 
 
 def test_how_near_a_state_is_grows_with_what_acts() -> None:

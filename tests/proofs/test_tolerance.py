@@ -20,6 +20,7 @@ from handfast.proofs.tolerance import (
     in_play,
     load_scale,
     motion_size,
+    passed_on,
     size_of,
     slack_units,
     ways,
@@ -79,7 +80,8 @@ def test_sizes_are_in_proportion(exponent):
 # --- forces in play ------------------------------------------------------------
 
 SIZE = np.sqrt(0.09375)
-PUSH, ROLL, BACK = np.sqrt(0.5), np.sqrt(0.125), np.sqrt(0.125) / 4
+# [m] how far contacts move where the tendon is held, which then turns `turn` 1/6 as far as `roll`, at an arm of 1/4
+PUSH, ROLL, BACK = 1 / 12, 1 / 24, 1 / 96
 
 
 def question(grasp: dict[str, Any], goal: str = "check", **fields: Any) -> Question:
@@ -233,6 +235,30 @@ def test_what_a_coupling_drives_is_in_play(ratio: float | None, force: float) ->
     q = question(grasp, "largest", direction=along.tolist())
     assert drives(q) == pytest.approx(force)
     assert farthest(q) == pytest.approx(1e3 * (force or 1.0))
+
+
+@pytest.mark.parametrize(("kind", "force"), [({}, 1200.0), ({"tendon": True}, 1200.0), ({"backdrivable": True}, 0.0)])
+@pytest.mark.parametrize("commands", [{}, {"tie": 1e-6}])
+def test_what_an_actuator_that_is_held_passes_on_is_in_play(kind: Any, force: float, commands: Any) -> None:
+    """300 N on a slide that moves no contact; while the tie is held, the jaw moves a quarter as far."""
+    slides = [
+        {"name": name, "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": moved}
+        for name, moved in (("jaw", [1]), ("slide", []))
+    ]
+    tie = {"name": "tie", "joints": {"jaw": 4.0, "slide": -1.0}} | kind
+    motor = {"name": "motor", "joints": {"slide": 1.0}}
+    grasp = quiet() | {"joints": slides, "preload": {"motor": 300.0} | commands}
+    grasp["mechanism"] = {"actuators": [motor, tie], "couplings": []}
+    assert drives(question(grasp)) == pytest.approx(force or sum(4 * c for c in commands.values()))
+
+
+def test_torques_are_passed_on_by_chains_of_actuators() -> None:
+    """From the first joint to the second with 2 / 1, from there to the third with 5 / 4; the last stands alone."""
+    rows = np.array([[1.0, 2, 0, 0], [0, 4, 5, 0], [0, 0, 0, 7]])
+    want = [[1, 2, 2.5, 0], [0.5, 1, 1.25, 0], [0.4, 0.8, 1, 0], [0, 0, 0, 1]]
+    np.testing.assert_allclose(passed_on(rows), want)
+    np.testing.assert_allclose(passed_on(np.stack([rows, np.zeros((3, 4))])), [want, np.eye(4)])
+    np.testing.assert_array_equal(passed_on(np.zeros((0, 2))), np.eye(2))
 
 
 @pytest.mark.parametrize(

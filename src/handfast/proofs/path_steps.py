@@ -38,7 +38,7 @@ from handfast.proofs.path_commands import STATE_REACH, PathBound, PathCommands, 
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.tolerance import drives, farthest, motion_size
+from handfast.proofs.tolerance import farthest, motion_size
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
@@ -304,7 +304,9 @@ def _torques(saved: SavedPath, sought: PathCommands, last: Step | None, ended: b
 
 def is_scale_free(q: Question) -> bool:
     """Is there nothing but the load, so that states of it times any number are states of so much of it, from rest?"""
-    return not (drives(q) or q.torque_limits or q.force_limit < np.inf)
+    g = q.grasp
+    acts = g.command.any() or g.torque.any() or g.friction.any() or g.start is not None
+    return not (acts or q.torque_limits or q.force_limit < np.inf)
 
 
 def _end(q: Question) -> float:

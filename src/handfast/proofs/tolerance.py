@@ -100,17 +100,36 @@ def drives(q: Question) -> float:
 
 
 def _drives(q: Question, moved: Array) -> float:
-    """[N] the largest of commands, limits, given torques and friction, where joints move in some ways (l, d)."""
+    """[N] the largest of commands, limits, given torques and friction, where joints move in some ways (l, d).
+
+    Each as it acts on a way, or on another to which actuators that are held pass it on.
+    """
     g = q.grasp
     arms, R = g.arms_of(moved), np.abs(g.R @ moved)
     touching = (g.J @ moved).any(axis=0) | (g.twist_jacobian @ moved).any(axis=0)
-    moves = (R[:, touching] != 0).any(axis=1)
-    own = np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1, initial=np.inf)
     limits = np.array([q.torque_limits.get(name, 0.0) for name in g.actuators])
     commands = np.maximum(np.abs(g.command) * (g.backdrivable | (not q.seeks_commands)), limits)
-    free = touching & ((moved != 0) & ~q.equivalent.held[:, None]).any(axis=0)
-    of_joints = (np.abs(g.torque) + g.friction) @ np.abs(moved) / arms
-    return max(float((commands / own)[moves].max(initial=0.0)), float(of_joints[free].max(initial=0.0)))
+    free = ((moved != 0) & ~q.equivalent.held[:, None]).any(axis=0)
+    of_joints = np.where(free, (np.abs(g.torque) + g.friction) @ np.abs(moved), 0.0)
+    acts = np.maximum((commands[:, None] * R).max(axis=0, initial=0.0), of_joints)
+    there = (acts[:, None] * passed_on(R[~g.backdrivable])).max(axis=0, initial=0.0)
+    return float((there / arms)[touching].max(initial=0.0))
+
+
+def passed_on(R: Array) -> Array:
+    """(..., l, l) the largest torque at the second joint for one at the first, by actuators of rows |R| (..., a, l).
+
+    One that is held passes torques on between its joints as the entries of its row are. Which are held is not known, so
+    this is the most that chains of them can do.
+    """
+    size, one = np.abs(R), np.eye(R.shape[-1])
+    with np.errstate(divide="ignore"):
+        inverse = np.where(size > 0, 1 / size, 0.0)
+    step: Array = np.max(inverse[..., :, None] * size[..., None, :], axis=-3, initial=0.0)
+    out = step = np.maximum(step, one)
+    for _ in range(int(np.max(((size > 0).sum(axis=-1) > 1).sum(axis=-1), initial=0)) - 1):
+        out = np.max(out[..., :, :, None] * step[..., None, :, :], axis=-2)
+    return out
 
 
 def ways(A: Array) -> Array:

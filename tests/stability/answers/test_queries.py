@@ -222,6 +222,21 @@ def test_the_magnitude_at_the_end_of_a_search_is_that_of_its_state() -> None:
     assert answer.verify().ok
 
 
+@pytest.mark.parametrize("tendon", [False, True])
+@pytest.mark.parametrize("command", [1.0, 1e5])
+def test_a_motor_may_press_by_another_that_is_held(command: float, tendon: bool) -> None:
+    """Its slide touches nothing; an actuator without a command ties it to the jaw. Friction of a half carries F in all."""
+    contacts = [Contact([x, 0, 0], [-x, 0, 0], 0.5) for x in (-1.0, 1.0)]
+    joints = [GraspJoint(name, [1, 0, 0], [0, 0, 0], on, "prismatic") for name, on in (("slide", ()), ("jaw", (0,)))]
+    tie = [-1.0, 1.0] if tendon else [1.0, -1.0]
+    belt = Mechanism(("motor", "tie"), np.array([[1.0, 0.0], tie]), np.zeros((0, 2)), (False, tendon))
+    grasp = Grasp(contacts, joints, belt, preload={"motor": command})
+    assert_bounds(maximum(grasp, Z), command, gap=1.001e-3)
+    on_path = queries.maximum(grasp, Z, loading="preload-first")
+    assert on_path.lower == pytest.approx(command, rel=2e-3)
+    assert on_path.verify().ok
+
+
 def geared_pinch(*ratios: float) -> Grasp:
     """A fixed contact, and jaws opposite that a motor's slide, which touches nothing, drives: so far per motion."""
     contacts, joints = [Contact([-1, 0, 0], [1, 0, 0], 0.5)], []

@@ -15,7 +15,7 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross, cross_rows
 from handfast.model.grasp import Grasp
-from handfast.proofs.tolerance import ways
+from handfast.proofs.tolerance import passed_on, ways
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -118,7 +118,7 @@ class ScaledProblem:
     def strongest(self) -> float:
         """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
         limits = _limits(self.grasp, self.limits)
-        return max([self.force, *limits, self.equivalent.largest_friction, _by_couplings(self.grasp)])
+        return max([self.force, *limits, self.equivalent.largest_friction, _passed_on(self.grasp)])
 
     @property
     def is_given(self) -> bool:
@@ -170,8 +170,11 @@ class ScaledProblem:
         """
         if not len(self.A) or not self.driven.any():
             return STRONGEST
-        arms = _coupled_arms(self.equivalent.plain)[self.driven]
-        farthest = arms[np.isfinite(arms)].max(initial=0.0)
+        arms, R = _arms_of_ways(self.equivalent.plain)
+        drives = R[self.driven] > 0
+        farthest = np.where(drives & np.isfinite(arms), arms / np.where(drives, R[self.driven], 1.0), 0.0).max(
+            initial=0.0
+        )
         return STRONGEST * max(1.0, float(farthest) * self.force / self.command_unit)
 
     @property
@@ -393,7 +396,7 @@ def scales(
         direction = np.where(others > 0, 2.0 ** np.round(np.log2(others / size)), 1.0)
     force = np.where(others > 0, others, size)
     strongest = np.maximum(force, max([*_limits(grasp, limits), same.largest_friction]))
-    strongest = np.maximum(strongest, _by_couplings(grasp))
+    strongest = np.maximum(strongest, _passed_on(grasp))
     return Scales(force, direction, UNBOUNDED_DISTURBANCE * strongest / size)
 
 
@@ -405,22 +408,27 @@ def _largest_command(grasp: AnyGrasp) -> Any:
 
 
 @lru_cache(maxsize=8)
-def _by_couplings(grasp: AnyGrasp) -> Any:
-    """[N] the largest command as a force at a contact to which couplings take it; 0 without couplings."""
-    A = grasp.mechanism.A
-    if not A.shape[-2]:
+def _passed_on(grasp: AnyGrasp) -> Any:
+    """[N] the largest command as a force at a contact to which couplings, or actuators that are held, take it.
+
+    0 where no joints are tied.
+    """
+    A, R = grasp.mechanism.A, grasp.mechanism.R
+    if not A.shape[-2] and not ((R != 0).sum(axis=-1) > 1).any():
         return 0.0
-    return (np.abs(grasp.command) / _coupled_arms(grasp).min(axis=-1)).max(axis=-1, initial=0.0)
+    arms, R = _arms_of_ways(grasp)
+    acts = (np.abs(grasp.command)[..., None] * R).max(axis=-2)
+    there = (acts[..., None] * passed_on(R[..., ~np.array(grasp.mechanism.backdrivable, dtype=bool), :])).max(axis=-2)
+    return (there / arms).max(axis=-1, initial=0.0)
 
 
-def _coupled_arms(grasp: AnyGrasp) -> Array:
-    """(a, d) [m] how far contacts move per motion of an actuator, along each of the `ways`; inf where none does."""
+def _arms_of_ways(grasp: AnyGrasp) -> tuple[Array, Array]:
+    """(d,) [m] how far contacts move, inf where none does, and (a, d) actuators, along each of the `ways` of joints."""
     A = grasp.mechanism.A
     moved = ways(A) if A.ndim == 2 else np.stack([ways(x) for x in A])
-    arms, R = np.linalg.norm(grasp.J @ moved, axis=-2), np.abs(grasp.mechanism.R @ moved)
+    arms = np.linalg.norm(grasp.J @ moved, axis=-2)
     touches = arms > COUPLING_ROUNDING * np.linalg.norm(np.abs(grasp.J) @ np.abs(moved), axis=-2)
-    out: Array = np.where((R > 0) & touches[..., None, :], arms[..., None, :] / np.where(R > 0, R, 1.0), np.inf)
-    return out
+    return np.where(touches, arms, np.inf), np.abs(grasp.mechanism.R @ moved)
 
 
 def _given(same: EquivalentGrasp) -> float:
@@ -453,8 +461,9 @@ def _limits(grasp: AnyGrasp, limits: GraspLimits, *, with_torques: bool = True) 
 
 
 def _takes_part(grasp: AnyGrasp) -> Mask:
-    """(a,) bool: actuators that move a contact, be it by joints that couplings drive."""
-    tied, coupled = grasp.touches, grasp.mechanism.A != 0
+    """(a,) bool: actuators that move a contact, be it by joints that couplings, or actuators that are held, tie."""
+    held = ~np.array(grasp.mechanism.backdrivable, dtype=bool)
+    tied, coupled = grasp.touches, np.concatenate([grasp.mechanism.A, grasp.mechanism.R[..., held, :]], axis=-2) != 0
     for _ in range(coupled.shape[-2]):
         tied = tied | ((tied[..., None, :] & coupled).any(axis=-1)[..., None] & coupled).any(axis=-2)
     out: Mask = ((grasp.mechanism.R != 0) & tied[..., None, :]).any(axis=-1)
