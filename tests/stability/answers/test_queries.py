@@ -225,7 +225,7 @@ def test_the_magnitude_at_the_end_of_a_search_is_that_of_its_state() -> None:
 @pytest.mark.parametrize("tendon", [False, True])
 @pytest.mark.parametrize("command", [1.0, 1e5])
 def test_a_motor_may_press_by_another_that_is_held(command: float, tendon: bool) -> None:
-    """Its slide touches nothing; an actuator without a command ties it to the jaw. Friction of a half carries F in all."""
+    """Its slide touches nothing; an actuator without a command ties it to the jaw. Friction carries a half at each."""
     contacts = [Contact([x, 0, 0], [-x, 0, 0], 0.5) for x in (-1.0, 1.0)]
     joints = [GraspJoint(name, [1, 0, 0], [0, 0, 0], on, "prismatic") for name, on in (("slide", ()), ("jaw", (0,)))]
     tie = [-1.0, 1.0] if tendon else [1.0, -1.0]
