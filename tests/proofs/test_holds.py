@@ -24,7 +24,8 @@ from handfast.proofs.files import verify
 from handfast.proofs.grasp import StartData
 from handfast.proofs.path_steps import LOADING, OTHER_PATHS, SavedPath
 from handfast.proofs.question import LARGEST_GOAL, TORQUES, Question, read_question
-from handfast.proofs.replay import Refused
+from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.tolerance import in_play
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.studies.questions import check, hold, maximum, torques
@@ -638,6 +639,22 @@ def test_more_than_the_limit_is_needed_where_no_commands_within_it_hold(
         return
     with pytest.raises(Refused, match=r"^a: the answer does not say that it slips$"):
         holds._refuted(saved)
+
+
+@pytest.mark.parametrize(("cap", "refused"), [(None, False), (19e3, True), (21e3, False)])
+def test_a_bound_above_the_limit_reaches_far(cap: float | None, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """10^4 times the largest force in play, 2 N of the load, whatever verdict and course it was found with."""
+    asked = jaws(1.0, 2.0, TORQUES, driven=["left", "right"])
+    least = one_answer(asked, query="torques", lower=2.0, verdict="undecided")
+    saved = of_jaws({}, refuted=("a", least), command_limit=1.9)
+    most = in_play(least.question, 0.0)
+    part = Replay("certificate", "", "", {"motion_cap": None if cap is None else cap / 2 * most})
+    monkeypatch.setattr(holds.answers, "replay", lambda answer: Replay("torques", "", "", parts=(part,)))
+    if refused:
+        with pytest.raises(Refused, match=r"^a: it is proved for motions up to .* N only, not 10000 times the forces"):
+            holds._refuted(saved)
+    else:
+        assert holds._refuted(saved)[0].ok
 
 
 def test_forces_that_balance_a_load_may_be_of_any_commands(monkeypatch: pytest.MonkeyPatch) -> None:

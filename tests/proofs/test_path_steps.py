@@ -28,6 +28,7 @@ from handfast.proofs.path_steps import SavedPath, Step, is_scale_free, near_enou
 from handfast.proofs.question import Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
+from handfast.proofs.tolerance import load_scale
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import check, maximum, torques
 
@@ -246,6 +247,18 @@ def test_many_steps_do_not_drift_away() -> None:
     reasons = [part.reason for part in replay(read_path(data | {"steps": steps})).parts]
     assert reasons[:10] == [""] * 10
     assert re.match(r"all steps together go on from numbers .* N from the states that are proved$", reasons[-1])
+
+
+def test_a_start_is_as_near_as_the_load_that_comes_next_asks_for() -> None:
+    """Without a load the scale is that of the command, 10^6 N: 1e-9 of it are 1e-3 of the load of 1 N."""
+    data = json.loads(json.dumps(check(jaw(command=1e6), [0, 1.0, 0], loading=FIRST).to_file()))
+    gaps = data["steps"][1]["from"]["gaps"]
+    assert replay(read_path(data)).ok
+    gaps[0] += 1e-6  # roundings of what is 10^6 are less
+    assert "step 1: its gaps are not those to which the state before came" in replay(read_path(data)).reason
+    first, second = (load_scale(s.question.grasp, s.question.wrench) for s in read_path(data).steps[:2])
+    assert first == pytest.approx(1e6)
+    assert second <= 1.0
 
 
 def test_only_the_load_alone_may_be_scaled() -> None:
@@ -505,7 +518,9 @@ def test_steps_follow_from_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     steps = replace(path("check", "holds"), steps=(rest, more, replace(more, magnitude=1.0)))
     monkeypatch.setattr(
-        path_steps, "_apart", lambda before, start: (0.25, "") if before is rest else (0.0, "is no step from there")
+        path_steps,
+        "_apart",
+        lambda before, start, scale: (0.25, "") if before is rest else (0.0, "is no step from there"),
     )
     assert path_steps._linked(steps, 0, rest, None) == 0
     assert path_steps._linked(steps, 1, more, rest) == 0.25
@@ -637,10 +652,14 @@ def test_how_far_a_start_may_be_from_where_the_state_came_to(
 ) -> None:
     came = StartData(np.array([1.0, 2.0]), np.array([3.0]), np.array([4.0]))
     room = StartData(np.array([9.0, 0.125]), np.array([0.25]), np.array([0.5]))
-    monkeypatch.setattr(path_steps, "came_from", lambda p, x: (came, room) if x is STATE.state else None)
+    monkeypatch.setattr(
+        path_steps,
+        "came_from",
+        lambda p, x, scale: (came, room) if (x is STATE.state, scale) == (True, 7.0) else None,
+    )
     own = getattr(came, name).copy()
     own[-1] += by
-    apart, fault = path_steps._apart(Step(0.5, asked(), STATE, None), replace(came, **{name: own}))
+    apart, fault = path_steps._apart(Step(0.5, asked(), STATE, None), replace(came, **{name: own}), 7.0)
     unit = 1.0 if name == "gaps" else asked().grasp.row_units[asked().grasp.parts[2 if name == "slack" else 4]][-1]
     assert apart == (pytest.approx(abs(by) / unit) if near else 0.0)
     assert fault == ("" if near else f"its {name} are not those to which the state before came")

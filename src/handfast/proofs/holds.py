@@ -234,7 +234,11 @@ def _refuted(saved: SavedHold) -> list[Replay]:
     more &= not answer.question.sums  # a sum is more than the largest of them
     if answer.said["query"] != "torques" or (answer.said["verdict"] != "slips" and not more):
         raise Refused(f"{name}: the answer does not say that it slips")
-    return [replace(answers.replay(answer), name=f"{name}, no commands")]
+    done = answers.replay(answer)
+    for cap in (answers.motion_cap(part) for part in done.parts if part.name == "certificate" and not part.reason):
+        if cap is not None and (fault := answers.cap_fault(answer.question, cap, 0.0, None)):
+            raise Refused(f"{name}: {fault}")
+    return [replace(done, name=f"{name}, no commands")]
 
 
 def _unbalanced(saved: SavedHold, name: str) -> Replay:

@@ -38,7 +38,7 @@ from handfast.proofs.path_commands import STATE_REACH, PathBound, PathCommands, 
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.tolerance import farthest, motion_size
+from handfast.proofs.tolerance import farthest, load_scale, motion_size
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
@@ -148,17 +148,20 @@ def _linked(saved: SavedPath, k: int, step: Step, before: Step | None) -> float:
         raise Refused(f"step {k}: its load is not larger than the one before")
     if start is None:
         raise Refused(f"step {k}: does not say where it starts from")
-    apart, fault = _apart(before, start)
+    apart, fault = _apart(before, start, load_scale(step.question.grasp, step.question.wrench))
     if fault:
         raise Refused(f"step {k}: {fault}")
     return apart
 
 
-def _apart(before: Step, start: StartData) -> tuple[float, str]:
-    """[N] how far a start is from the state of the step before; and what it is not of that state, "" if nothing."""
+def _apart(before: Step, start: StartData, scale: float) -> tuple[float, str]:
+    """[N] how far a start is from the state of the step before; and what it is not of that state, "" if nothing.
+
+    scale: [N] of the load that comes next.
+    """
     assert before.witness is not None
     p = _problem(before)
-    came, room = came_from(p, before.witness.state)
+    came, room = came_from(p, before.witness.state, scale)
     most, (_, _, actuators, _, joints) = 0.0, p.grasp.parts
     units = {"gaps": np.ones(p.grasp.m), "stops": p.grasp.row_units[joints], "slack": p.grasp.row_units[actuators]}
     for name, unit in units.items():

@@ -202,6 +202,12 @@ class Answer(Presented, ABC):
         return self.question is not None and bool(answers.cap_fault(self.question, cap, self._bound, motion))
 
     @property
+    def reaches_far(self) -> bool:
+        """Is its bound proved for motions of any size, or up to far more than all forces in play?"""
+        cap = self.proof.cap if self.proof else None
+        return cap is None or not self._too_small(cap, None)
+
+    @property
     def _bound(self) -> float:
         """The magnitude of the direction that the proof bounds."""
         return 0.0

@@ -415,7 +415,7 @@ class _HoldSearch:
         """Does an answer about a load alone say that there is no preload? None says so of a path."""
         if self.along:
             return False
-        return a.verdict is Verdict.SLIPS or a.lower > self.most
+        return a.verdict is Verdict.SLIPS or (a.lower > self.most and a.reaches_far)
 
     def torques(self, k: int, settings: Settings, share: float) -> TorquesAnswer:
         """The least commands for a load alone, in a share of the time that is left."""
