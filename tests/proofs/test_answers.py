@@ -23,7 +23,7 @@ from handfast.proofs.kinds import TURN_DIRECTIONS, Row
 from handfast.proofs.leaves import LeafSystems
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
-from handfast.proofs.tolerance import COMPLETE_CAP, TOO_SMALL, motion_size
+from handfast.proofs.tolerance import COMPLETE_CAP, TOO_SMALL, drives, motion_size, size_of
 from handfast.stability.studies.questions import check, maximum, torques
 from tests.support.problems import bell, nest, pinch
 from tests.support.refused import refused
@@ -287,7 +287,25 @@ def test_a_capped_bound_is_far_above_the_forces_in_play() -> None:
     data = saved("max")
     q = answers.read_answer(data).question
     assert answers.cap_fault(q, 1e9, data["answer"]["upper"], None) == ""
-    assert re.match("it is proved for motions up to 1 N only", answers.cap_fault(q, 1.0, data["answer"]["upper"], None))
+    most = data["answer"]["upper"]  # states of this question are told divided by their magnitude
+    assert re.match(f"it is proved for motions up to {most:.3g} N only", answers.cap_fault(q, 1.0, most, None))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e5])
+def test_a_cap_is_in_proportion_to_the_magnitude(size: float) -> None:
+    """However long the direction is: at the bound or, where nothing is resisted, where it is as large as the rest."""
+    q = answers.read_answer(saved("max")).question
+    q = replace(q, direction=size * q.direction)
+    assert answers.told_cap(q, 3.0, 2.0) == 6
+    assert answers.told_cap(q, 3.0, 0.0) == 3
+    assert answers.told_cap(replace(q, goal="check"), 3.0, 2.0) == 3
+    of_load, rest = size_of(q.grasp, q.direction), drives(q)
+    for magnitude in (0.0, rest / of_load):
+        assert answers.cap_fault(q, 1.001 * COMPLETE_CAP * of_load, magnitude, None) == ""
+        assert answers.cap_fault(q, 0.999 * COMPLETE_CAP * of_load, magnitude, None)
+    free = replace(q, grasp=q.grasp.with_command(0 * q.grasp.command))  # nothing else acts
+    assert answers.cap_fault(free, 1.001 * COMPLETE_CAP * of_load, 0.0, None) == ""
+    assert answers.cap_fault(free, 0.999 * COMPLETE_CAP * of_load, 0.0, None)
 
 
 @pytest.mark.parametrize(

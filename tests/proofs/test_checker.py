@@ -16,7 +16,7 @@ from handfast.proofs.checker import checked_rows, verify
 from handfast.proofs.fields import Array, Integers
 from handfast.proofs.kinds import CLOSED, OPEN, Row
 from handfast.proofs.leaves import Late, LeafSystems
-from handfast.proofs.question import LARGEST_GOAL
+from handfast.proofs.question import LARGEST_GOAL, read_question
 from handfast.proofs.rows import Columns
 from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, TOO_SMALL
 from tests.support.proof_certificates import LEAVES, NODES, proof, walls
@@ -270,6 +270,45 @@ def test_enough_is_of_the_forces_in_play_at_the_far_end_of_the_range(
     goal = {"goal": LARGEST_GOAL, "direction": [1, 0, 0, 0, 0, 0]} if scalar else {}
     verify(Certificate.of_root(pinch([1, 0, 0, 0, 0, 0], **goal), scalar))
     assert given == [(np.inf, (10 + far) * ENOUGH_CAP)]
+
+
+@pytest.mark.parametrize(("scalar", "far"), [((0.5, 4.0), 4.0), ((0.5, np.inf), 0.5)])
+def test_enough_where_states_are_multiples_of_each_other(
+    scalar: tuple[float, float], far: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The direction itself, or `far` times what else acts: of a preload of 10 N beside 3 N that is 40 N or 5 N."""
+    given: list[float] = []
+
+    def more_exactly(_: LeafSystems, margins: Array, cap: float, enough: float) -> tuple[Array, Array]:
+        given.append(enough)
+        return margins, np.full(len(margins), np.inf)
+
+    monkeypatch.setattr(checker, "drives", lambda _: 10.0)
+    monkeypatch.setattr(LeafSystems, "more_exactly", more_exactly)
+    q = pinch([0, 0, 0, 0, 0, 0], goal="smallest preload", direction=[3, 0, 0, 0, 0, 0])
+    verify(Certificate.of_root(q, scalar))
+    assert given == [pytest.approx(ENOUGH_CAP * max(3, 10 * far))]
+
+
+@pytest.mark.parametrize("scalar", [(0.0, 0.0), (0.0, 2.0)])
+def test_no_commands_at_all_are_no_multiple_of_a_preload(scalar: tuple[float, float]) -> None:
+    """An actuator without one is locked, and may have a force of either sign."""
+    q = pinch([0, 0, 0, 0, 0, 0], goal="smallest preload", direction=[1, 0, 0, 0, 0, 0])
+    assert verify(Certificate.of_root(q, scalar)).reason == "covers no commands at all, with which actuators are locked"
+
+
+def test_entries_that_vanish_beside_others_prove_nothing() -> None:
+    """The motor's force of 10^275 N would hold: its row has 10^-275 for the jaw, and 10^50 for a joint that is tied."""
+    slides = [
+        {"name": name, "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": on}
+        for name, on in (("jaw", [0]), ("tied", []))
+    ]
+    grasp = {"schema": "handfast/grasp/1", "joints": slides}
+    grasp["contacts"] = [{"position": [0, 0, 0], "normal": [1, 0, 0], "friction": 0.0}]
+    motor = {"name": "m", "joints": {"jaw": 1e-275, "tied": 1e50}}
+    grasp["mechanism"] = {"actuators": [motor], "couplings": [{"tied": 1.0}]}
+    q = read_question({"grasp": grasp, "goal": "check", "wrench": [-1, 0, 0, 0, 0, 0]}, "")
+    assert verify(Certificate.of_root(q, None)).reason == "the grasp has numbers that are too small beside each other"
 
 
 @pytest.mark.parametrize("late", range(4))

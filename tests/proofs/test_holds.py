@@ -229,7 +229,7 @@ def above_a_base(data: dict[str, Any]) -> None:
 
 MARGIN_FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda d: d.pop("margins"), "answer: has other keys than"),
-    (lambda d: d["margins"].pop("up"), "answer: margin is not what"),
+    (lambda d: d["margins"].pop("up"), "answer: has no margin of up, and the least is that of all"),
     (lambda d: d["margins"].update(more=d["margins"]["up"]), "margins.more: is not a known field"),
     (lambda d: d["answer"].update(margin=1.5), "answer: margin is not what"),
     (lambda d: d["answer"]["margins"]["up"].update(lower=1.5), "answer: margins is not what"),

@@ -118,7 +118,8 @@ def test_how_a_refutation_is_told(
     reason: str, cap: float | None, complete: bool, claim: str, refused_for: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found, asked = checker.Checked(not reason, 3, 0.25, reason, cap=cap), list[Any]()
-    c, motion = SimpleNamespace(question="of it"), np.ones(6)
+    q = SimpleNamespace(homogeneous=False, has_scalar=True)
+    c, motion = SimpleNamespace(question=q), np.ones(6)
     monkeypatch.setattr(checker, "verify", lambda given, to_the_end: found if given is c else None)
 
     def cap_fault(*args: Any) -> str:
@@ -130,7 +131,27 @@ def test_how_a_refutation_is_told(
     done = answers.refuted("none", c, 5.0, motion, complete)  # type: ignore[arg-type]
     assert done == Replay("certificate", claim, refused_for, figures)
     assert answers.motion_cap(done) == cap
-    assert asked == [("of it", 8.0, 5.0, motion)] * (complete and cap is not None and not reason)
+    assert asked == [(q, 8.0, 5.0, motion)] * (complete and cap is not None and not reason)
+
+
+@pytest.mark.parametrize(
+    ("homogeneous", "has_scalar", "magnitude", "told"),
+    [
+        (True, True, 0.0, "8 N for each time of the direction"),
+        (False, False, 0.0, "8 N for each time of the direction"),
+        (True, True, 5.0, "40 N"),
+        (False, True, 0.0, "8 N"),
+        (False, False, None, "8 N"),
+    ],
+)
+def test_where_nothing_is_resisted_a_cap_is_that_of_each_time_of_the_direction(
+    homogeneous: bool, has_scalar: bool, magnitude: float | None, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checker, "verify", lambda given, to_the_end: checker.Checked(True, 1, 0.5, "", cap=8.0))
+    c = SimpleNamespace(question=SimpleNamespace(homogeneous=homogeneous, has_scalar=has_scalar))
+    done = answers.refuted("none", c, magnitude, None, False)  # type: ignore[arg-type]
+    assert done.claim == f"none, up to virtual motions of {told}"
+    assert answers.motion_cap(done) == float(told.split()[0])
 
 
 def of_answer(query: str, q: Any, **said: Any) -> answers.SavedAnswer:
@@ -617,7 +638,7 @@ def test_what_a_certificate_is_held_against(
         parts, cap = answers._certificate(one, SimpleNamespace(refuted=lambda _: need))  # type: ignore[arg-type]
         if claim:
             assert (parts[0].figures, cap) == ({"motion_cap": 7.0}, 7)
-            assert asked == [(claim, c, need[1], moved, complete)]
+            assert asked == [(claim, c, need[1] if query == "max" else None, moved, complete)]
         else:
             lo, hi = need[2]
             assert parts == [Replay("certificate", "none", f"it covers 0.5 to 8; the answer needs {lo:g} to {hi:g}")]

@@ -138,14 +138,14 @@ def test_what_a_tangent_says(more: bool) -> None:
 
 
 def test_by_how_much_rows_may_be_missed() -> None:
-    """A millionth of the load, times twice the size of the contacts in torques, and the units of joints; springs, too.
+    """1e-5 of the load, times twice the size of the contacts in torques, and the units of joints; springs, too.
 
     The load's force is sqrt 14 N, its torque about the contacts' middle (4, 5, 6) - (1/4, -1/8, 1/8) x (1, 2, 3).
     """
     of, size = small(False, True), np.sqrt(3 / 32)
     scale = np.linalg.norm(np.array([4, 5, 6]) - np.cross([0.25, -0.125, 0.125], [1, 2, 3])) / size
     assert of.scale == pytest.approx(scale, rel=1e-14)
-    some = 1e-6 * scale
+    some = 1e-5 * scale
     state = [some] * 3 + [2 * size * some] * 3 + [size * some, some, size * some] + [0.0] * 2  # turns, slides, turns
     state += [0.0, some, *[0.0] * 4, some, 0.0] * 2  # c_n, gap; open; closed; the limit
     assert [row.slack for row in of.rows[: len(state)]] == pytest.approx(state, rel=1e-12)

@@ -10,6 +10,7 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.pictures import words
 from handfast.pictures.words import count, listed, magnitude, num
+from handfast.proofs.answers import EACH_TIME
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.load_path import LoadPath
 
@@ -89,8 +90,11 @@ def fragile_text(margin: Margin) -> str:
 
 def up_to(answer: Answer) -> str:
     """', with virtual motions up to 10000 N' where a claim is not proved beyond; else ''."""
-    proof = getattr(answer, "proof", None)
-    return "" if proof is None or proof.cap is None else f", with virtual motions up to {num(proof.cap)} N"
+    cap = getattr(answer, "motion_cap", None)
+    q = answer.question
+    of_all = isinstance(answer, MaxAnswer) and answer.path is None and not answer.upper > 0
+    each = EACH_TIME if of_all and q is not None and (q.homogeneous or not q.has_scalar) else ""
+    return "" if cap is None else f", with virtual motions up to {num(cap)} N{each}"
 
 
 def check_sentence(answer: CheckAnswer, load: str) -> str:

@@ -27,7 +27,7 @@ from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question,
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import SEARCH_STOPS, Figure, Refused, Replay
 from handfast.proofs.states import ContactMode, Problem, State, read_state
-from handfast.proofs.tolerance import COMPLETE_CAP, farthest, in_play, motion_size
+from handfast.proofs.tolerance import COMPLETE_CAP, drives, farthest, in_play, motion_size, size_of
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
@@ -36,6 +36,7 @@ ANSWER_NOT_REPLAYED = f"{', '.join(COURSE_KEYS)}: the course of the search is re
 RESIDUAL_ROUNDING = 1e-12  # of residuals: they are made of it
 UPPER_BOUND_FACTOR = 2.0  # times an upper bound: up to there at least nothing is resisted
 LIMIT_CLAIM = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
+EACH_TIME = " for each time of the direction"
 OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys beside `holds_from_zero_to`
 
 
@@ -164,17 +165,19 @@ def held(name: str, claim: str, found: Proved, fault: str = "") -> Replay:
     return Replay(name, claim, reason, figures)
 
 
-def refuted(claim: str, c: Certificate, magnitude: float, motion: Array | None, complete: bool) -> Replay:
+def refuted(claim: str, c: Certificate, magnitude: float | None, motion: Array | None, complete: bool) -> Replay:
     """The claim that no state exists, from its certificate.
 
-    magnitude, motion: as of `cap_fault`, which is asked if it is to count as complete.
+    magnitude, motion: as of `cap_fault`, which is asked if it is to count as complete; None without a direction.
     """
     found = checker.verify(c, to_the_end=False)
-    reason = found.reason
-    if found.cap is not None and not reason:
-        claim += f", up to virtual motions of {found.cap:.6g} N"
-        reason = cap_fault(c.question, found.cap, magnitude, motion) if complete else ""
-    figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
+    reason, q, cap = found.reason, c.question, found.cap
+    if cap is not None and not reason:
+        reason = cap_fault(q, cap, magnitude or 0.0, motion) if complete else ""
+        cap = told_cap(q, cap, magnitude or 0.0)
+        claim += f", up to virtual motions of {cap:.6g} N"
+        claim += EACH_TIME if magnitude == 0 and (q.homogeneous or not q.has_scalar) else ""
+    figures = {"motion_cap": cap, "leaves": found.leaves, "margin": found.margin}
     return Replay("certificate", claim, reason, figures)
 
 
@@ -195,7 +198,8 @@ def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float 
     if magnitude > 0 or saved.said["query"] == "max":
         claim += f", up to {q.magnitudes(c.scalar)[1]:.6g} times the direction" if c.scalar is not None else ""
     complete = saved.said["stop"] == "complete" or saved.said["verdict"] == "slips"
-    part = refuted(claim, c, magnitude, saved.witness.state.motion if saved.witness else None, complete)
+    of_direction = magnitude if saved.said["query"] == "max" else None
+    part = refuted(claim, c, of_direction, saved.witness.state.motion if saved.witness else None, complete)
     return [part], motion_cap(part)
 
 
@@ -205,13 +209,25 @@ def motion_cap(part: Replay) -> float | None:
     return cap if isinstance(cap, float) else None
 
 
+def told_cap(q: Question, cap: float, magnitude: float) -> float:
+    """[N] the cap on motions at a magnitude of the direction, from that of a certificate.
+
+    Where states are multiples of each other a certificate is about those of the direction itself: the cap is then in
+    proportion to the magnitude, and stays that for each time of the direction where the magnitude is 0.
+    """
+    return cap * magnitude if q.homogeneous and magnitude else cap
+
+
 def cap_fault(q: Question, cap: float, magnitude: float, motion: Array | None) -> str:
     """Why a bound that is proved for motions inside a cap [N] does not count as complete; "" if it does.
 
     The cap has to be far above every force in play at the bound, and beyond motion (6 + l,), what the answer's own
-    witness moves by.
+    witness moves by. Where nothing of a direction is resisted, and states are multiples of each other, at the magnitude
+    at which it is as large as what else is in play.
     """
-    most = in_play(q, magnitude)
+    if q.homogeneous and not magnitude:
+        magnitude = drives(q) / size_of(q.grasp, q.direction) or 1.0
+    most, cap = in_play(q, magnitude), told_cap(q, cap, magnitude)
     moved = 0.0 if motion is None else motion_size(q.grasp, motion)
     said = f"it is proved for motions up to {cap:.3g} N only, "
     if cap < COMPLETE_CAP * most:
@@ -311,6 +327,8 @@ class Maximum(Query):
 
     def refuted(self, saved: SavedAnswer) -> Refuted | None:
         q, end = saved.question, self._end(saved)
+        if not end > 0:
+            raise Refused("what else acts is nothing beside its direction")
         self._check_bounds(saved, end)
         lower, upper = saved.number("lower") or 0.0, saved.number("upper")
         if upper is None:

@@ -19,7 +19,7 @@ from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.kinds import Row
 from handfast.proofs.leaves import CitedRows, Late, LeafSystems, in_time
 from handfast.proofs.rows import Columns, LeafRows, zeros
-from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, MIN_SIZE, TOO_SMALL, in_play
+from handfast.proofs.tolerance import ENOUGH_CAP, MIN_FORCE_SCALE, MIN_SIZE, TOO_SMALL, drives, in_play, size_of
 
 LEAF_BATCH = CHECKED_LEAVES  # leaves whose rows are in memory at a time
 NO_TIME = "there was no time to check it all"
@@ -79,8 +79,11 @@ def verify(
             right = RightSide.of(q, c.scalar, len(equations.E))
             if 0 < right.scale < MIN_FORCE_SCALE or q.grasp.size < MIN_SIZE:
                 raise BadCertificate(TOO_SMALL)
+            if q.homogeneous and not (c.scalar or (0.0,))[0] > 0:
+                raise BadCertificate("covers no commands at all, with which actuators are locked")
             far = max((x for x in c.scalar or () if np.isfinite(x)), key=abs, default=0.0)
-            enough = ENOUGH_CAP * in_play(q, far)
+            # where states are multiples of each other the scalar is 1 / magnitude, and the load the direction itself
+            acts = max(size_of(q.grasp, q.direction), far * drives(q)) if q.homogeneous else in_play(q, far)
             margins, caps = np.full(leaves, -np.inf), np.full(leaves, np.inf)
 
             def systems(some: Integers) -> LeafSystems:
@@ -96,7 +99,7 @@ def verify(
             if len(left) and not quick:
                 for some in _batches(left if len(asked) > LEAF_BATCH else asked):
                     made = systems(some) if len(asked) > LEAF_BATCH else made
-                    margins[some], caps[some] = made.more_exactly(margins[some], float(caps.min()), enough)
+                    margins[some], caps[some] = made.more_exactly(margins[some], float(caps.min()), ENOUGH_CAP * acts)
                     if not to_the_end and not (margins[some] > 0).all():
                         break
     except BadCertificate as fault:

@@ -59,7 +59,7 @@ def verify(data: Any, place: str = "") -> Replay:
 
 def _certificate(data: Any, place: str) -> Replay:
     found = certificate.read_certificate_file(data, place)
-    return Replay("certificate", parts=(answers.refuted(found.claim, found, 0.0, None, complete=False),))
+    return Replay("certificate", parts=(answers.refuted(found.claim, found, None, None, complete=False),))
 
 
 READERS: dict[str, Callable[[Any, str], Replay]] = {

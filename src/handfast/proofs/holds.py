@@ -197,6 +197,9 @@ def _margins(saved: SavedHold) -> list[Replay]:
         _same_question(saved, name, answer)
         if (answer.question.grasp.command != _command(saved)).any():
             raise Refused(f"{name}: its margin is that of another preload")
+    left = {name for name, load in saved.loads.items() if load.any()} - set(saved.margins)
+    if saved.margins and left:
+        raise Refused(f"has no margin of {min(left)}, and the least is that of all")
     return [_replayed(answer, f"{name}, margin") for name, answer in saved.margins.items()]
 
 
@@ -305,5 +308,7 @@ def _compare(saved: SavedHold) -> None:
     for key, value in shown.items():
         if key in said and said[key] != value:
             raise Refused(f"{key} is not what the rest of the file shows")
+    if said["verdict"] == "slips" and said["lower"] is not None:
+        raise Refused("SLIPS with a bound")
     if said["verdict"] != "holds" and (said["preload"] is not None or said["upper"] is not None):
         raise Refused(f"{said['verdict'].upper()} with a preload")

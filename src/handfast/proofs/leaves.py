@@ -40,6 +40,7 @@ from itertools import pairwise
 import numpy as np
 from flint import fmpq_mat
 
+from handfast.proofs.cases import BadCertificate
 from handfast.proofs.equations import ENTRY_ROUNDING, Equations, RightSide, power_near
 from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, product, rational, rationals, rounded
 from handfast.proofs.grasp import GraspData
@@ -119,6 +120,8 @@ class LeafSystems:
         size[:, motions] += product(np.abs(d), Z_size[:, motions])
         solved, at = q.solved
         E, E_size = q.E * q.scale / q.unit[:, None], q.E_size * q.scale / q.unit[:, None]
+        if ((q.E_size > 0) & (E_size == 0)).any() or ((q.Z_size > 0) & (Z_size == 0)).any():
+            raise BadCertificate("the grasp has numbers that are too small beside each other")
         self.put_in = -self.F[:, at] / E[solved, at]
         self.F += product(self.put_in, E[solved])
         size += product(np.abs(self.put_in), E_size[solved])

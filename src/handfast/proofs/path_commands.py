@@ -36,7 +36,7 @@ from handfast.proofs.question import Question
 from handfast.proofs.tolerance import MIN_FORCE_SCALE, load_scale
 
 STATE_REACH = 1e6  # times the load: forces and motions of the states that a bound is proved of
-DRIFT = 1e-6  # relative to the load: by how much states of a path may miss (1), (2), (3), all steps together
+DRIFT = 1e-5  # relative to the load: by how much states of a path may miss (1), (2), (3), all steps together
 OPEN, CLOSED = LOCKED, MOVED = 0, 1
 PATH_INFLATION = 1 + 1e-12  # rounds sums of bounds up
 MAX_PATH_LEAVES = 100_000

@@ -34,7 +34,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.existence import FORCE_DEVIATION, Proved, prove
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields
 from handfast.proofs.grasp import StartData, read_start
-from handfast.proofs.path_commands import STATE_REACH, PathBound, PathCommands, read_bound, read_sought
+from handfast.proofs.path_commands import DRIFT, STATE_REACH, PathBound, PathCommands, read_bound, read_sought
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
@@ -43,9 +43,9 @@ from handfast.proofs.tolerance import farthest, load_scale, motion_size
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
 PATH_KEYS = "by_steps", "other_choice", "resolution"  # keys that tell of other paths
-# relative to the forces that act: by how much the numbers that steps go on from may differ from the states that are
-# proved, all steps together
-PATH_DEVIATION = 1e-5
+# relative to the load of the last step: by how much the numbers that steps go on from may differ from the states that
+# are proved, all steps together; `DRIFT` is as much
+PATH_DEVIATION = DRIFT
 OTHER_PATHS = f"{', '.join(PATH_KEYS)}: paths of other steps, and of other states where a step has several"
 QUERIES = "check", "max", "torques"
 
@@ -112,16 +112,18 @@ def replay(saved: SavedPath) -> Replay:
     reason, before = "", None
     last: Proved | None = None
     exact, motion, cap, apart = True, 0.0, None, 0.0
+    most = may_drift(saved.question, saved.steps[-1].magnitude) if saved.steps else 0.0
     try:
         for k, step in enumerate(saved.steps):
             apart += _linked(saved, k, step, before)
             if step.witness is None:
                 part, cap = _none(saved, k, step, before)
+                part = replace(part, refused=part.refused or _drifted(apart, most))
                 parts.append(part)
                 continue
-            last, part = _state(k, step, apart)
-            parts.append(part)
+            last, part = _state(k, step)
             apart += last.radius
+            parts.append(replace(part, refused=part.refused or _drifted(apart, most)))
             exact, before, motion = exact and last.exact, step, max(motion, last.motion)
         lowest = 0.0
         if saved.sought is not None:
@@ -177,8 +179,19 @@ def _problem(step: Step) -> Problem:
     return Problem.of(q, q.grasp.command, q.wrench)
 
 
-def _state(k: int, step: Step, apart: float = 0.0) -> tuple[Proved, Replay]:
-    """Is the state of a step proved? apart: [N] of the steps before, how far they went on from what is proved."""
+def may_drift(q: Question, magnitude: float) -> float:
+    """[N] how far all steps together may go on from states that are proved, to a magnitude of the load."""
+    return PATH_DEVIATION * load_scale(q.grasp, magnitude * q.wrench)
+
+
+def _drifted(apart: float, most: float) -> str:
+    """What is wrong where steps went on [N] so far apart from what is proved, `most` at most; "" if nothing."""
+    far = f"all steps together go on from numbers {apart:.1e} N from the states that are proved"
+    return "" if apart <= most else far
+
+
+def _state(k: int, step: Step) -> tuple[Proved, Replay]:
+    """Is the state of a step proved?"""
     w, q = step.witness, step.question
     assert w is not None
     claim = f"{step.magnitude:.6g} times the load is resisted from the state before"
@@ -193,8 +206,6 @@ def _state(k: int, step: Step, apart: float = 0.0) -> tuple[Proved, Replay]:
     fault = ""
     if not found.radius <= reach:
         fault = f"the state that is proved is {found.radius:.1e} N from the numbers that the path goes on from"
-    elif not apart + found.radius <= PATH_DEVIATION * acting(problem, w.state):
-        fault = f"all steps together go on from numbers {apart + found.radius:.1e} N from the states that are proved"
     return found, held(f"step {k}", claim, found, fault)
 
 
@@ -210,7 +221,7 @@ def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Re
     claim = "the commands alone are in no balance"
     if before is not None:
         claim = f"{step.magnitude:.6g} times the load is not resisted from the state at {before.magnitude:.6g} times"
-    part = refuted(claim, step.certificate, 0.0, None, complete=True)
+    part = refuted(claim, step.certificate, None, None, complete=True)
     return part, motion_cap(part)
 
 
@@ -298,7 +309,7 @@ def _torques(saved: SavedPath, sought: PathCommands, last: Step | None, ended: b
         raise Refused("a command has the wrong sense")
     if lower is None or not 0 <= lower <= min(lowest, upper):
         raise Refused(f"a lower bound of {lower}; {min(lowest, upper):.9g} is shown")
-    moved = max(motion_size(g, s.witness.state.motion) for s in saved.steps if s.witness is not None)
+    moved = sum(motion_size(g, s.witness.state.motion) for s in saved.steps if s.witness is not None)
     if lower > 0 and not moved <= STATE_REACH * sought.scale:
         raise Refused(f"its path moves by {moved:.3g} N, of which its bound says nothing")
     preload = {g.actuators[j]: float(g.command[j]) for j in sought.sought.tolist()}

@@ -30,7 +30,7 @@ from flint import fmpq
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, rational, rounded
 from handfast.proofs.grasp import GraspData, StartData
 from handfast.proofs.question import Question
-from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, load_scale
+from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, load_scale, size_of
 
 Numbers = Callable[[Any], Any]  # from floats to arrays of floats, balls or rational numbers
 
@@ -138,7 +138,7 @@ class Problem:
 
         Proofs that no state exists add up the scales of both, which is less than the commands may be.
         """
-        return 0.0 if self.wrench.any() and not self.load.any() else self.scale
+        return 0.0 if self.wrench.any() and not size_of(self.grasp, self.load) else self.scale
 
 
 def came_from(p: Problem, x: State, scale: float = np.inf) -> tuple[StartData, StartData]:

@@ -202,6 +202,14 @@ class Answer(Presented, ABC):
         return self.question is not None and bool(answers.cap_fault(self.question, cap, self._bound, motion))
 
     @property
+    def motion_cap(self) -> float | None:
+        """[N] up to which virtual motions its bound is proved, of `max` for each time of the direction if nothing of it
+        is resisted; None without an end.
+        """
+        cap = self.proof.cap if self.proof else None
+        return cap if cap is None or self.question is None else answers.told_cap(self.question, cap, self._bound)
+
+    @property
     def reaches_far(self) -> bool:
         """Is its bound proved for motions of any size, or up to far more than all forces in play?"""
         cap = self.proof.cap if self.proof else None
@@ -254,8 +262,7 @@ class Answer(Presented, ABC):
 
     def proof_json(self) -> dict[str, Any]:
         """Keys of every answer: is there a certificate, was all replayed, up to which motions [N] if not all?"""
-        cap = self.proof.cap if self.proof else None
-        known = {"certified": self.certificate is not None, "verified": self.verified, "motion_cap": cap}
+        known = {"certified": self.certificate is not None, "verified": self.verified, "motion_cap": self.motion_cap}
         return known | {"exact": self.exact, "motion": self.motion}
 
     def to_json(self) -> dict[str, Any]:

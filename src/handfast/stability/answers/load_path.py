@@ -390,7 +390,15 @@ class Follower:
         return lower if lower > here else None
 
     def _path(self, steps: list[StepAnswer], magnitudes: list[float]) -> LoadPath:
-        return LoadPath(BoundProblem(self.whole, ANY_STATE), tuple(magnitudes[: len(steps)]), tuple(steps))
+        """As far as it goes on from states that are proved, see `path_steps.may_drift`."""
+        whole, apart, kept = BoundProblem(self.whole, ANY_STATE), 0.0, 0
+        for k, (m, step) in enumerate(zip(magnitudes, steps, strict=False)):
+            apart += step.proved.radius if step.proved is not None else 0.0
+            kept = k if apart <= path_steps.may_drift(whole.question, m) else kept
+        if kept + 1 < len(steps):
+            steps = steps[: kept + 2]
+            steps[-1] = replace(steps[-1], verdict=Verdict.UNDECIDED, stop=Stop.NUMERICAL, found=None, proof=None)
+        return LoadPath(whole, tuple(magnitudes[: len(steps)]), tuple(steps))
 
     def chosen_otherwise(self, path: LoadPath) -> bool:
         """Does the search meet another state than that of least motion, anywhere a path goes on from?"""

@@ -438,7 +438,7 @@ class _HoldSearch:
                 asked: dict[str, Any] = {"settings": settings, "limits": self.limits, "loading": self.loading}
                 found[name] = self.counted(maximum(grasp, w, **asked))
         except KeyboardInterrupt:
-            stop = Stop.INTERRUPTED
+            found, stop = {}, Stop.INTERRUPTED  # the least is that of all
         return replace(answer, margins=found, nodes=self.nodes, stop=stop)
 
     def say(self, what: str) -> None:
