@@ -885,8 +885,8 @@ def test_nothing_may_be_missed_of_a_load_that_is_none(monkeypatch: pytest.Monkey
     """Base and direction cancel."""
     p = replace(half_under_way()[0], magnitude=-0.5)
     assert not p.granted
-    large = replace(p, grasp=replace(p.grasp, positions=1000 * p.grasp.positions, origins=1000 * p.grasp.origins))
-    tiny = replace(large, wrench=np.append(p.wrench[:5], p.wrench[5] + 5e-324))  # whose size is 0, as floats have it
+    two = problem(Grasp([Contact([x, 0, 0], [0, 0, 1], 0.0) for x in (-4.0, 4.0)]), [0, 0, -0.5, 0, 0, 5e-324])
+    tiny = replace(two, along=p.along, magnitude=-0.5)  # whose size is 0, as floats have it
     assert (tiny.load.any(), tiny.granted) == (True, 0)
     assert decided(monkeypatch, OPEN, OPEN, SHOWN, SHOWN, p) == (OPEN, ["free 16", "fixed 16"])
 
