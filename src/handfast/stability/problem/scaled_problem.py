@@ -15,7 +15,7 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross, cross_rows
 from handfast.model.grasp import Grasp
-from handfast.proofs.tolerance import passed_on, ways
+from handfast.proofs.tolerance import drives, passed_on, ways
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
@@ -114,11 +114,13 @@ class ScaledProblem:
         """(6,) 1 for translations and forces, 1 / length for rotations and torques: scaled wrench over wrench."""
         return _lengths(self.length)
 
-    @property
+    @cached_property
     def strongest(self) -> float:
         """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
-        limits = _limits(self.grasp, self.limits)
-        return max([self.force, *limits, self.equivalent.largest_friction, _passed_on(self.grasp)])
+        from handfast.stability.problem.bound_problem import BoundProblem  # which is made of this
+        from handfast.stability.problem.objective import LARGEST_MAGNITUDE
+
+        return max(self.force, drives(BoundProblem(self, LARGEST_MAGNITUDE).question))
 
     @property
     def is_given(self) -> bool:
