@@ -9,6 +9,7 @@ import pytest
 from flint import fmpq
 
 from handfast.core.arrays import Array
+from handfast.proofs import path_commands
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.path_commands import (
     CLOSED,
@@ -314,6 +315,16 @@ def test_trees_that_leave_out_a_case(parent, part, case, problem: str, field: st
     for leaves in (1, 2, 3):
         with refused(problem, field):
             PathBound(parent, part, case, (NOTHING,) * leaves).lower(small(False))
+
+
+def test_a_tree_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its nodes decide 1, 1, 2 and 2 parts."""
+    bound = PathBound((-1, 0, 0, 2, 2), (0, 7, 7, 6, 6), (0, 1, 0, 0, 1), (NOTHING,) * 3)
+    monkeypatch.setattr(path_commands, "MAX_PATH_CASES", 6)
+    assert bound.lower(small(False)) == 0
+    monkeypatch.setattr(path_commands, "MAX_PATH_CASES", 5)
+    with refused("decides more than 5 parts in all", "bound"):
+        bound.lower(small(False))
 
 
 def test_a_bound_is_of_a_load_and_has_all_leaves_of_its_tree() -> None:

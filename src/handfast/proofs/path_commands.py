@@ -39,7 +39,7 @@ STATE_REACH = 1e6  # times the load: forces and motions of the states that a bou
 DRIFT = 1e-5  # relative to the load: by how much states of a path may miss (1), (2), (3), all steps together
 OPEN, CLOSED = LOCKED, MOVED = 0, 1
 PATH_INFLATION = 1 + 1e-12  # rounds sums of bounds up
-MAX_PATH_LEAVES = 100_000
+MAX_PATH_LEAVES, MAX_PATH_CASES = 100_000, 5_000_000  # the second of all nodes together
 
 Condition = tuple[int, int] | None  # a part and its case
 
@@ -333,6 +333,7 @@ class PathBound:
         """Of each leaf the parts that are decided. `BadFile` for a tree that leaves out a case."""
         children: dict[int, list[int]] = {}
         cases: list[dict[int, int]] = []
+        decided = 0
         for k, parent, part, case in zip(count(), self.parent, self.part, self.case, strict=False):
             if k == 0:
                 if parent != -1:
@@ -343,6 +344,9 @@ class PathBound:
                 raise BadFile(f"node {k} is no case of an earlier one", "bound")
             children.setdefault(parent, []).append(k)
             cases.append(cases[parent] | {part: case})
+            decided += len(cases[k])
+            if decided > MAX_PATH_CASES:
+                raise BadFile(f"decides more than {MAX_PATH_CASES} parts in all", "bound")
         for parent, two in children.items():
             if len(two) != 2 or self.part[two[0]] != self.part[two[1]] or self.case[two[0]] == self.case[two[1]]:
                 raise BadFile(f"node {parent} does not have both cases of one part", "bound")
