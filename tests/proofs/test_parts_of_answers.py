@@ -487,6 +487,7 @@ def test_how_an_interval_is_told(reasons: tuple[str, ...], monkeypatch: pytest.M
     monkeypatch.setattr(answers, "_slips_fault", lambda saved: reasons[2] if saved is one else None)
     monkeypatch.setattr(answers, "_ranges_fault", lambda saved, _: reasons[3] if len(_) == 2 and saved is one else None)
     claim = "everything up to 2 times the direction is resisted, nothing at 1 to 1.5, 1.75 to 2"
+    claim += " but for 0.1 of the magnitude at the ends"
     figures = {"arcs": 2, "slips": 1, "residual": 0.5}
     (found,) = answers.Maximum().smaller(one)
     assert found == Replay(

@@ -378,6 +378,7 @@ class Maximum(Query):
         claim = f"everything up to {to:.6g} times the direction is resisted"
         if holes:
             claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in holes)}"
+            claim += f" but for {saved.number('resolution') or 0.0:g} of the magnitude at the ends"
         bounds = [ranges.replayed(saved.question, arc) for arc in saved.arcs]
         reason = next((fault for fault, _ in bounds if fault), "") or _slips_fault(saved) or _ranges_fault(saved, holes)
         figures: dict[str, Figure] = {"arcs": len(saved.arcs), "slips": len(saved.slips)}
