@@ -291,7 +291,7 @@ def test_how_far_solids_reach() -> None:
     place[:3, 3] = 1, 0, 3
     pill = read("capsule", 0.5, 4.0, pose=place.tolist())
     assert pill.reach(center) == pytest.approx(2 + 4.5, rel=1e-11)
-    assert [a.tolist() for a in pill.box] == [[-3.5, -4.5, -1.5], [5.5, 4.5, 7.5]]
+    assert [a.tolist() for a in pill.box] == [[0.5, -0.5, 0.5], [1.5, 0.5, 5.5]]
     np.testing.assert_allclose(pill.farthest(np.array([[0, 0.6, -0.8]])), [[1, 0.3, 3 - 2 - 0.4]], rtol=1e-14)
 
 
@@ -372,6 +372,28 @@ def test_solids_touch_that_are_as_near_as_their_length_allows(half: float) -> No
         part = one([0, 0, half * (1 + above)], X)
         (out,) = hidden(replace(part, solid=part.solid + 1), [cube(half)])
         assert out == is_hidden
+
+
+@pytest.mark.parametrize(("before", "is_hidden"), [(0.9e-5, True), (1.1e-5, False), (5e-4, False)])
+def test_how_far_is_measured_from_the_solid_and_not_from_its_planes(before: float, is_hidden: bool) -> None:
+    """Before the sharp edge of a blade from (1, 0, 0) to (0, 1, 0) m that is 0.02 m thick at the origin.
+
+    1e-5 m of 1 m is near; at 5e-4 m both planes of the edge are nearer than that, at 7.1e-6 m.
+    """
+    vertices = [[0, 1, 0], [1, 0, 0], [0, 0, 0.01], [0, 0, -0.01]]
+    blade = read("mesh", vertices=vertices, faces=[[1, 0, 2], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    at = np.array([0.5, 0.5, 0.0]) + before * (X + Y) / np.sqrt(2)
+    np.testing.assert_allclose(blade.depth(at), -before * np.sqrt(2 / 10002), rtol=1e-6)
+    part = one(at, X)
+    assert hidden(replace(part, solid=part.solid + 1), [blade]).tolist() == [is_hidden]
+
+
+@pytest.mark.parametrize(("far", "is_hidden"), [(0.0, True), (1e10, False)])
+def test_what_rounding_may_lose_is_not_in_a_solid(far: float, is_hidden: bool) -> None:
+    """0.06 mm deep in a cube of 1 m, that is 1e10 m from the origin: places are rounded to 2e-6 m there."""
+    part = one([far, 0, 0.5 - 2.0**-14], X)
+    (out,) = hidden(replace(part, solid=part.solid + 1), [cube(0.5, middle=(far, 0, 0))])
+    assert out == is_hidden
 
 
 def test_a_solid_has_to_reach_beyond_along_every_normal() -> None:

@@ -4,7 +4,8 @@ At a face the normal is the face's; at an edge or a corner it may be any between
 part is a triangle of points together with a triangle of normals, either of which may be a line or a point, and holds
 at least what there is of the surface. Of solids that are round, points are p = q + radius n, with q of the triangle.
 A point of one solid that another one touches is on the surface with those normals only along which that one does not
-reach beyond it: so nothing is within another solid, or where two meet.
+reach beyond it: so nothing is within another solid, or where two meet. Solids touch that are less than 1e-5 of the
+object's length apart.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ EQUAL_NORMAL_ANGLE = 1e-7  # [rad] normals that differ by less are one
 MAX_NORMAL_CONE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
 # of an object's length: solids that are this near touch; one that goes so far beyond a point covers it
 SOLID_TOUCH_DISTANCE, COVER_DISTANCE = 1e-5, 2e-5
+LOST_DEPTH = 1e-14  # relative: more than rounding loses of depths, over the largest coordinate
 CONVEXITY_TOLERANCE = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
 SOLID_BATCH = 512  # parts that are looked at together
 RIM_PARTS = 180  # parts of a rim
@@ -142,9 +144,13 @@ class ConvexSolid:
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Lower and upper corner (3,) of a box about it."""
-        if self.kind == "mesh":
-            return self.vertices.min(axis=0), self.vertices.max(axis=0)
-        return self.pose[:3, 3] - sum(self.size), self.pose[:3, 3] + sum(self.size)
+        lower, upper = self.farthest(np.vstack([-np.eye(3), np.eye(3)])).reshape(2, 3, 3)
+        return np.diagonal(lower), np.diagonal(upper)
+
+    @cached_property
+    def middle(self) -> Array:
+        """(3,) a point inside."""
+        return np.asarray(self.vertices.mean(axis=0) if self.kind == "mesh" else self.pose[:3, 3])
 
     def reach(self, center: Array) -> float:
         """[m] from a point to the farthest of the solid, at least."""
@@ -253,7 +259,11 @@ class ConvexSolid:
 
 
 def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
-    """(N,) parts that are nowhere on the surface: in another solid, which reaches beyond them along each normal."""
+    """(N,) parts that are nowhere on the surface: in another solid, which reaches beyond them along each normal.
+
+    What is in a solid once it is moved to the solid's middle by the distance at which solids touch is that near it; and
+    so is all between.
+    """
     axis, half = parts.cones()
     narrow, far = half < MAX_NORMAL_CONE, parts.radius[:, None, None]
     raised = (parts.points[:, :, None] + far[..., None] * parts.normals[:, None]).reshape(-1, 9, 3)
@@ -262,7 +272,8 @@ def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
     out = np.zeros(len(parts), dtype=bool)
     corners = np.array([solid.box for solid in solids])
     length = float(np.ptp(corners, axis=(0, 1)).max())
-    touch, cover = SOLID_TOUCH_DISTANCE * length, COVER_DISTANCE * length
+    lost = LOST_DEPTH * float(np.abs(corners).max())
+    touch, cover = SOLID_TOUCH_DISTANCE * length, COVER_DISTANCE * length + lost
     for k, solid in enumerate(solids):
         inside = (low >= solid.box[0] - touch).all(axis=1) & (high <= solid.box[1] + touch).all(axis=1)
         its = np.flatnonzero(~out & narrow & inside & (parts.solid != k))
@@ -271,6 +282,8 @@ def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
             beyond = (
                 (ways @ parts.normals[some].swapaxes(1, 2)).min(axis=(1, 2)) - parts.radius[some] - parts.slack[some]
             )
-            within = solid.depth(raised[some]).min(axis=1) >= bulge[some] - touch
+            out_by = raised[some] - solid.middle
+            moved = touch / np.maximum(np.linalg.norm(out_by, axis=2, keepdims=True), touch)
+            within = solid.depth(raised[some] - moved * out_by).min(axis=1) >= bulge[some] + lost
             out[some] = within & (beyond >= cover)
     return out
