@@ -27,6 +27,7 @@ SOLID_TOUCH_DISTANCE, COVER_DISTANCE = 1e-5, 2e-5
 LOST_DEPTH = 1e-14  # relative: more than rounding loses of depths, over the largest coordinate
 CONVEXITY_TOLERANCE = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
 SOLID_BATCH = 512  # parts that are looked at together
+DEPTH_BATCH = 1 << 22  # depths of points below faces of a mesh that are in memory at a time
 RIM_PARTS = 180  # parts of a rim
 ELLIPSOID_QUARTERINGS = 5  # times that the eighths of an ellipsoid are quartered
 EIGHTHS = np.array([[[i, 0, 0], [0, j, 0], [0, 0, k]] for i in (1, -1) for j in (1, -1) for k in (1, -1)], dtype=float)
@@ -180,9 +181,9 @@ class ConvexSolid:
         return normal, (a * normal).sum(axis=1)
 
     def _of_mesh(self) -> SurfaceParts | None:
-        corners, (normal, height) = self.vertices[self.faces], self._planes
+        corners, (normal, _) = self.vertices[self.faces], self._planes
         # over each face nothing is above it
-        if not (self.vertices @ normal.T - height).max() <= CONVEXITY_TOLERANCE * np.ptp(self.vertices, axis=0).max():
+        if not -self.depth(self.vertices).min() <= CONVEXITY_TOLERANCE * np.ptp(self.vertices, axis=0).max():
             return None
         starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         face = np.repeat(np.arange(len(self.faces)), 3)
@@ -247,8 +248,11 @@ class ConvexSolid:
     def depth(self, points: Array) -> Array:
         """(...) [m] how far points (..., 3) lie below the surface; a concave function, below 0 outside."""
         if self.kind == "mesh":
-            normal, height = self._planes
-            return np.asarray((height - points @ normal.T).min(axis=-1))
+            out = np.full(points.shape[:-1], np.inf)
+            step = max(1, DEPTH_BATCH // max(1, out.size))
+            for normal, height in zip(*(np.split(a, range(step, len(a), step)) for a in self._planes), strict=True):
+                np.minimum(out, (height - points @ normal.T).min(axis=-1), out=out)
+            return out
         p, s = (points - self.pose[:3, 3]) @ self.pose[:3, :3], self.size
         if self.kind == "ellipsoid":
             return np.asarray((1 - np.linalg.norm(p / np.array(s), axis=-1)) * min(s))
