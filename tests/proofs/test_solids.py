@@ -146,6 +146,10 @@ def test_which_side_is_halved_is_no_matter_of_size(size: float) -> None:
 # --- solids of files --------------------------------------------------------------------------------------
 
 
+MESH = {"kind": "mesh", "size": [], "vertices": CORNERS.tolist(), "faces": CUBE}
+VERTICES = r"solids\[0\]: has faces that are no whole numbers, or vertices beside a size or a pose$"
+
+
 @pytest.mark.parametrize(
     ("said", "line"),
     [
@@ -153,8 +157,12 @@ def test_which_side_is_halved_is_no_matter_of_size(size: float) -> None:
         ({"kind": "capsule"}, r"^solids\[0\].size: has 1 numbers; 2 are needed"),
         ({"size": [0.0]}, r"^solids\[0\]: has a size that is not positive, or a pose that is not rigid$"),
         ({"kind": "capsule", "size": [1, -1]}, r"^solids\[0\]: has a size that is not positive"),
-        ({"pose": np.diag([1, 1, 1 + 1e-9, 1]).tolist()}, r"^solids\[0\]: has .* a pose that is not rigid$"),
-        ({"pose": np.diag([1, 1, 1 - 1e-9, 1]).tolist()}, r"^solids\[0\]: has .* a pose that is not rigid$"),
+        ({"pose": np.diag([1, 1, 1 + 6e-13, 1]).tolist()}, r"^solids\[0\]: has .* a pose that is not rigid$"),
+        ({"pose": np.diag([1, 1, 1 - 6e-13, 1]).tolist()}, r"^solids\[0\]: has .* a pose that is not rigid$"),
+        ({"pose": np.diag([1, 1, -1, 1]).tolist()}, r"^solids\[0\]: has .* a pose that is not rigid$"),
+        (MESH | {"faces": [[0, 1, 2.5]]}, rf"^{VERTICES}"),
+        (MESH | {"pose": np.diag([-1, -1, 1, 1]).tolist()}, rf"^{VERTICES}"),
+        ({"vertices": [[0, 0, 0]]}, rf"^{VERTICES}"),
         ({"kind": "mesh", "size": []}, r"^solids\[0\]: has no faces, or one with a vertex that is not there$"),
         ({"more": 1}, r"^solids\[0\].more: is not a known field"),
     ],
@@ -174,7 +182,7 @@ def test_faces_have_vertices_that_are_there(face: list[int]) -> None:
 
 def test_a_pose_that_is_left_out_is_none() -> None:
     assert read("sphere", 2.0).pose.tolist() == np.eye(4).tolist()
-    assert read("sphere", 2.0, pose=np.diag([1, 1, 1 + 4e-10, 1]).tolist()).size == (2.0,)
+    assert read("sphere", 2.0, pose=np.diag([1, 1, 1 + 4e-13, 1]).tolist()).size == (2.0,)
 
 
 # --- where surfaces are -----------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ MAX_NORMAL_CONE = 1.4  # [rad] half the angle of a cone of normals; a wider one 
 # of an object's length: solids that are this near touch; one that goes so far beyond a point covers it
 SOLID_TOUCH_DISTANCE, COVER_DISTANCE = 1e-5, 2e-5
 LOST_DEPTH = 1e-14  # relative: more than rounding loses of depths, over the largest coordinate
+SOLID_POSE_TOLERANCE = 1e-12  # by which the floats of a rotation may miss one
 CONVEXITY_TOLERANCE = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
 SOLID_BATCH = 512  # parts that are looked at together
 DEPTH_BATCH = 1 << 22  # depths of points below faces of a mesh that are in memory at a time
@@ -125,14 +126,16 @@ class ConvexSolid:
         kind = f.text("kind", among=tuple(SOLID_SIZES))
         size = f.numbers("size", (SOLID_SIZES[kind],), [])
         pose = f.numbers("pose", (4, 4), np.eye(4).tolist())
-        vertices = f.numbers("vertices", (-1, 3), [])
-        faces = f.numbers("faces", (-1, 3), []).astype(np.int64)
+        vertices, faces = f.numbers("vertices", (-1, 3), []), f.numbers("faces", (-1, 3), [])
         f.done()
-        if (size <= 0).any() or np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max() > 1e-9:
+        off = np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max()
+        if (size <= 0).any() or off > SOLID_POSE_TOLERANCE or np.linalg.det(pose[:3, :3]) < 0:
             raise BadFile("has a size that is not positive, or a pose that is not rigid", f.place)
         if kind == "mesh" and not (len(faces) and faces.min() >= 0 and faces.max() < len(vertices)):
             raise BadFile("has no faces, or one with a vertex that is not there", f.place)
-        return cls(kind, tuple(size.tolist()), pose, vertices, faces)
+        if (faces % 1).any() or (len(vertices) and (kind != "mesh" or (pose != np.eye(4)).any())):
+            raise BadFile("has faces that are no whole numbers, or vertices beside a size or a pose", f.place)
+        return cls(kind, tuple(size.tolist()), pose, vertices, faces.astype(np.int64))
 
     def parts(self) -> SurfaceParts | None:
         """Of its surface; None of a mesh that is not closed or not convex."""
