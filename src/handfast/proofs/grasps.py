@@ -151,7 +151,10 @@ def _read_motors(f: Fields) -> dict[str, _Motor]:
 
 
 class _Terms:
-    """What all loads have in common: `friction`, `torsion`, `actuators` that may be commanded, and limits."""
+    """What all loads have in common: `friction`, `torsion`, `actuators` that may be commanded, and limits.
+
+    Where none of these actuators moves a grasp, all of its own may be.
+    """
 
     def __init__(self, f: Fields, actuators: list[str]) -> None:
         self.friction, self.actuators = f.number("friction", least=0.0), f.texts("actuators")
