@@ -502,6 +502,23 @@ def test_the_largest_gap_is_infinite_where_one_is_not_known() -> None:
     assert solved([[1, 0], [0, 1]], (0.0, 0.0), (0.5, np.nan))[1]["gap"] == np.inf
 
 
+@pytest.mark.parametrize(("step", "contraction", "share"), [
+    (0.0, 0.5, 0.0),
+    (0.125, 0.5, 0.25),  # 1 / 8 + 1 / 2 of 1 / 4 is 1 / 4
+    (0.75, 0.125, 6 / 7),
+    (0.75, 0.5, 1.0),
+    (0.0, 1.0, 1.0),
+])  # fmt: skip
+def test_how_far_the_solution_is_from_the_floats(step: float, contraction: float, share: float) -> None:
+    """One coordinate is 3 or within 2 of that, one is frozen at 5."""
+    coordinates = Interval(np.array([[[-3.0, 3.0], [-5.0, 5.0]], [[-1.0, 5.0], [-5.0, 5.0]]]))
+    at: Any = SimpleNamespace(coordinates=coordinates)
+    found = configurations.solution(at, {"step": step, "contraction": contraction})
+    due = np.array([[[2 * share - 3, 3 + 2 * share], [-5.0, 5.0]]])
+    assert found.ends == pytest.approx(due, abs=1e-14)
+    assert (found.ends >= due).all()
+
+
 def test_what_is_refused_has_its_name_and_place() -> None:
     assert at_the_wall(joints={}).name == "configuration"
     contact = {"link": "finger", "object": [0.25, 0.625], "hand": [0.5]}

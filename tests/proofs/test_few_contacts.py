@@ -167,6 +167,10 @@ def test_where_solids_meet_is_no_surface() -> None:
     within = Shape("sphere", [0.001], np.block([[np.eye(3), center[:, None]], [np.zeros(3), 1.0]]))
     assert held([shape, within], 0.02, center).fewest() == Fewest(3, "line")
     assert held([*halves, within], 0.02, center).fewest() == Fewest(3, "line")
+    touching = ", where solids touch that are less than 1e-05 of the object's length apart"
+    for solids, more in (([shape, within], touching), ([shape], "")):
+        claim = replay(said(held(solids, 0.02, center))).claim
+        assert claim.endswith("and there is no such line" + more)
     one = held(halves, 0.02, center)
     parts = one.solids[0].parts()
     assert parts is not None

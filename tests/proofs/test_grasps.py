@@ -19,7 +19,7 @@ import pytest
 
 from handfast.planning.results import grasps_file
 from handfast.proofs import grasps
-from handfast.proofs.configurations import examined, read_existence
+from handfast.proofs.configurations import examined, read_existence, solution
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.existence import Proved
@@ -191,9 +191,9 @@ REFUSED = {
         put(G + "grasp/contacts/1/link", "left_finger"),
         "grasp 1: its contacts are of left_finger, left_finger; those of the task are of left_finger, right_finger$",
     ),
-    # contacts at 0.095 m from the palm and 0.025 m aside: 1e-9 of the larger one is 0.095 nm
+    # contacts 0.025 m from their middle, of which 1e-9 is 0.025 nm; they are 0.095 m from the palm, which is no matter
     "point": (
-        put(G + "grasp/contacts/1/position/2", 1.05e-10),
+        put(G + "grasp/contacts/1/position/2", 2.6e-11),
         "grasp 1: the point of contact 1 is not that of the configuration$",
     ),
     "normal": (
@@ -288,18 +288,37 @@ def test_what_no_file_of_grasps_says(change: Callable[[Data], None], fault: str)
 
 
 def test_contacts_and_motors_are_the_same_but_for_rounding_and_senses() -> None:
-    near = [put(G + "grasp/contacts/1/position/2", 0.9e-10), put(G + "grasp/contacts/0/normal", [0.9e-9, -1.0, 0.0])]
+    near = [put(G + "grasp/contacts/1/position/2", 2.4e-11), put(G + "grasp/contacts/0/normal", [0.9e-9, -1.0, 0.0])]
     grasp, motors = read_grasp(changed_entry(*near)["grasp"], "g"), grasps._read_motors(Fields(found()["motors"]))
-    task = read_task(found()["task"])
-    proof = read_existence(found()["grasps"][0]["existence"])
-    _, at, _ = examined(ContactEquations.of(task), proof, "")
+    equations = ContactEquations.of(read_task(found()["task"]))
+    done, at, _ = examined(equations, read_existence(found()["grasps"][0]["existence"]), "")
     assert at is not None
-    assert grasps._elsewhere(grasp, task, at) == ""
+    where = {"left_slide": 0.015}, equations, solution(at, done.figures)
+    assert grasps._elsewhere(grasp, *where) == ""
+    grasp.__dict__["size"] = 1e6  # as of a contact alone that a joint turns which is said to be far: 1 mm would be near
+    assert grasps._elsewhere(grasp, *where) == ""
+    off = read_grasp(changed_entry(put(G + "grasp/contacts/1/position/2", 1e-10))["grasp"], "g")
+    off.__dict__["size"] = 1e6
+    assert grasps._elsewhere(off, *where) == "the point of contact 1 is not that of the configuration"
     assert grasps._other_motors(grasp, motors) == ""
     turned = changed_entry(put(G + "grasp/mechanism/actuators/0/joints/left_slide", -1.0))["grasp"]
     assert grasps._other_motors(read_grasp(turned, "g"), motors) == ""
     elsewhere = {"far": ({"other": 1.0}, False, False), "none": ({}, False, False)}  # they move no joint of the grasp
     assert grasps._other_motors(grasp, motors | elsewhere) == ""
+
+
+def test_a_grasp_is_that_of_the_exact_configuration_and_not_of_its_floats() -> None:
+    """In boxes that reach so far the floats may be 0.02 mm above where the fingertips touch, or 1 um beside it."""
+    raised = [put(G + f"existence/contacts/{k}/object/1", 0.501) for k in (0, 1)]  # of 20 mm
+    raised += [put(G + f"grasp/contacts/{k}/position/2", 2e-5) for k in (0, 1)]
+    moved = [put(G + f"{where}joints/left_slide", 0.015001) for where in ("", "existence/")]
+    moved += [put(G + "joints/right_slide", 0.015001)]
+    wide, open_ = [1e-8, 1e-8, *[0.002] * 4], [1e-4, 1e-4, *[1e-8] * 4]
+    for changes, radii, what in ((raised, wide, "the point of contact 0"), (moved, open_, "left_slide")):
+        assert changed(found(), put(G + "existence/radii", radii)).ok
+        done = changed(found(), put(G + "existence/radii", radii), *changes)
+        assert all(part.ok for part in done.parts[0].parts)
+        assert done.fault == f"grasp 1: {what} is not that of the configuration"
 
 
 def test_a_grasp_of_more_contacts_is_none_of_the_task() -> None:

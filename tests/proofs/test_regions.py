@@ -375,7 +375,11 @@ def test_what_a_region_in_a_file_is() -> None:
     for region in (FLAT, CONE, {"cylinder_side": CYLINDER | {"radius": 0.03}, "flip": False}):
         other = read_region(Fields(region))
         assert (other.sign, other.ball, other.ends.tolist()) == (1, False, [[0, 1], [0, 1]])
-    assert read_region(Fields({"cap": CAP | {"half_angle": np.pi}})).half_angle == np.pi
+    sphere = read_region(Fields({"cap": CAP | {"half_angle": np.pi}}))
+    assert sphere.half_angle == np.pi
+    assert np.sin(sphere.half_angle) > 0 > np.sin(sphere.ends[0, 1])  # the pole across is between the two
+    less = np.nextafter(np.pi, 0.0)
+    assert read_region(Fields({"cap": CAP | {"half_angle": less}})).ends[0].tolist() == [0, less]
     turn = {"cylinder_side": CYLINDER | {"radius": 0.03, "angles": [-1.0, -1.0 + 2 * np.pi]}}
     assert read_region(Fields(turn)).numbers["angles"].tolist() == [-1.0, -1.0 + 2 * np.pi]
 

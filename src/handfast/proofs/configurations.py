@@ -24,7 +24,7 @@ import numpy as np
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, numbers
 from handfast.proofs.intervals import MACHINE_EPSILON, Interval, cos, join, sqr, sqrt
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.tasks import TaskData
 
 SCHEMA = "handfast/existence/1"
@@ -153,6 +153,18 @@ def examined(
     figures |= slacks
     reasons += [bounds.fault(label, inside[1]) for label, slack in slacks.items() if not slack > 0]
     return Replay(name, CLAIM, AND.join(reasons), figures), at, at_floats
+
+
+def solution(at: Values, figures: Mapping[str, Figure]) -> Interval:
+    """(1, n) coordinates between which the solution is that a proof shows, by its values and figures.
+
+    The solution is in c - Y F(c) + (I - Y J) (X - c) for X about c that reach as far as it: no coordinate is farther
+    from its float, in radii, than the step and the contraction times the farthest.
+    """
+    step, contraction = (float(figures[name] or 0.0) for name in ("step", "contraction"))
+    share = step / (1 - contraction) * (1 + 2 * MACHINE_EPSILON) if contraction < 1 else 1.0
+    c = at.coordinates[:1]
+    return c + (at.coordinates[1:] - c) * min(share, 1.0)
 
 
 def _uv(contact: ContactPoint) -> tuple[float, ...]:

@@ -10,7 +10,8 @@ Four reasons, each for all numbers of contacts below one:
 - *line*: two point contacts and weights of both signs in three directions. Their sums h and -h have no moment, so h is
   along the line between the contacts, and the weights, which have none about that line, act at a point of it. So both
   contacts are on a line through the centre of mass, one normal within the friction angle of a direction along it, the
-  other of the opposite one. The surface is cut into parts (`solids`) until no two of them allow that.
+  other of the opposite one. The surface is cut into parts (`solids`) until no two of them allow that. There is none
+  between solids that touch, which are less than 1e-5 of the object's length apart.
 - *force*: a contact with a normal force up to f pushes in direction d with no more than f (n.d + mu sqrt(1 - (n.d)^2)).
   What all loads ask for together is no more than the largest sum of that over all normals n, times the contacts. And
   torques about the centre of mass are at most f sqrt(1 + mu^2) times the distance of the farthest point, from each, and
@@ -45,7 +46,7 @@ from handfast.proofs.fields import (
     rounded,
 )
 from handfast.proofs.replay import Replay
-from handfast.proofs.solids import ConvexSolid, SurfaceParts, angle, hidden
+from handfast.proofs.solids import SOLID_TOUCH_DISTANCE, ConvexSolid, SurfaceParts, angle, hidden
 from handfast.proofs.tolerance import MIN_FORCE_SCALE
 
 SCHEMA = "handfast/contacts/1"
@@ -379,6 +380,8 @@ def replay(data: Any, place: str = "") -> Replay:
     shown = found.contacts is None or (contacts is not None and contacts <= found.contacts)
     said = words(Fewest(contacts, found.reason)) if shown else words(Fewest(contacts))
     limit = f", a torsion of {1e3 * held.torsion:g} mm{limit}" if held.torsion else limit
+    if found.reason == "line" and len(held.solids) > 1:
+        said += f", where solids touch that are less than {SOLID_TOUCH_DISTANCE:g} of the object's length apart"
     claim = f"with a friction of {held.friction:g}{limit}, of {', '.join(names)}: {said}"
     refused = "" if shown else f"shown is only that {words(found)}"
     return Replay("contacts", claim, refused, {"contacts": found.contacts})

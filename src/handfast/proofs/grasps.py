@@ -1,8 +1,9 @@
 """Grasps for a task: what a `handfast/grasps/1` file claims of each, put together from proofs of both halves.
 
 Of each grasp: an exact configuration exists in which hand and object touch as the task asks, and every load alone is
-held under its one preload. Contacts and actuators of the grasp are those of that configuration and of the motors. What
-its joints are like and what ties them is geometry: `handfast verify` works it out anew.
+held under its one preload. Contacts of the grasp are those of that configuration, to 1e-9 of the grasp's size, and
+actuators those of the motors. What its joints are like and what ties them is geometry: `handfast verify` works it out
+anew.
 
 Or that there is none: no contact forces balance the loads, wherever on the object the contacts are (`unbalanced`), or
 every configuration of some contacts is discarded, for several reasons together (`discarded_boxes`). A grasp may hold
@@ -18,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs import answers
-from handfast.proofs.configurations import examined, read_existence
+from handfast.proofs.configurations import examined, read_existence, solution
 from handfast.proofs.constants import MAX_ETA
-from handfast.proofs.contact_equations import ContactEquations, Values
+from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.contact_force_limits import ForceLimits, contact_force_limits
 from handfast.proofs.convex_solids import SolidsData
 from handfast.proofs.discarded_boxes import replay_no_grasp
@@ -28,12 +29,13 @@ from handfast.proofs.existence import prove
 from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, refuse_no_limit, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp
+from handfast.proofs.intervals import Interval
 from handfast.proofs.motors import Motors
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
 from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
-from handfast.proofs.tasks import TaskData, read_task
+from handfast.proofs.tasks import JOINT_VALUE_TOLERANCE, TaskData, read_task
 from handfast.proofs.unbalanced import Placements, replay_unbalanced
 
 SCHEMA = "handfast/grasps/1"
@@ -149,7 +151,10 @@ def _read_motors(f: Fields) -> dict[str, _Motor]:
 
 
 class _Terms:
-    """What all loads have in common: `friction`, `torsion`, `actuators` that may be commanded, and limits."""
+    """What all loads have in common: `friction`, `torsion`, `actuators` that may be commanded, and limits.
+
+    Where none of these actuators moves a grasp, all of its own may be.
+    """
 
     def __init__(self, f: Fields, actuators: list[str]) -> None:
         self.friction, self.actuators = f.number("friction", least=0.0), f.texts("actuators")
@@ -208,18 +213,26 @@ def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | 
     return out, centre if weights else None
 
 
-def _elsewhere(grasp: GraspData, task: TaskData, at: Values) -> str:
-    """Which contact of a grasp is not the one of its configuration, but for rounding; '' if all are."""
+def _elsewhere(grasp: GraspData, joints: Mapping[str, float], equations: ContactEquations, x: Interval) -> str:
+    """Which contact or joint of a grasp is not the one of an exact configuration, but for rounding; '' if all are.
+
+    x: (1, n) coordinates between which the configuration is.
+    """
+    task = equations.task
     links = tuple(task.hand.links[link].name for link in task.links)
     if grasp.links != links:
         return f"its contacts are of {', '.join(grasp.links)}; those of the task are of {', '.join(links)}"
-    R, p, there = at.rotation.mid[0], at.position.mid[0], at.point.mid[0]
-    far = max(float(np.abs(p).max()), float(np.abs(there).max()))
-    off = np.abs((there - p) @ R - grasp.positions).max(axis=1) > EQUALITY_TOLERANCE * far
-    turned = np.abs(-at.normal.mid[0] @ R - grasp.frames[:, :, 0]).max(axis=1) > EQUALITY_TOLERANCE
-    for wrong, what in ((off, "point"), (turned, "normal")):
-        if wrong.any():
-            return f"the {what} of contact {wrong.argmax()} is not that of the configuration"
+    at = equations.sides.object.at(x)
+    point, slope = at.point.value[0], at.point.slope
+    size = min(grasp.size, float(point.mag.max() + slope.mag.max()))  # joints may be anywhere
+    near = (point - grasp.positions).mag.max(axis=1) <= EQUALITY_TOLERANCE * size
+    along = (at.normal.value[0] + grasp.frames[:, :, 0]).mag.max(axis=1) <= EQUALITY_TOLERANCE
+    for right, what in ((near, "point"), (along, "normal")):
+        if not right.all():
+            return f"the {what} of contact {right.argmin()} is not that of the configuration"
+    for name in (task.hand.joints[j] for j in task.free):
+        if not (x[0, equations.column[f"joint:{name}"]] - joints[name]).mag <= JOINT_VALUE_TOLERANCE:
+            return f"{name} is not that of the configuration"
     return ""
 
 
@@ -249,7 +262,7 @@ def _grasp(
     exists, at, _ = examined(equations, existence, "configuration")
     parts, refused = [exists], task.misplaced(joints, existence.joints)
     if at is not None and exists.ok:
-        refused = refused or _elsewhere(grasp, task, at)
+        refused = refused or _elsewhere(grasp, joints, equations, solution(at, exists.figures))
     refused = refused or _other_motors(grasp, motors)
     if (grasp.mu != terms.friction).any():
         refused = refused or f"friction at its contacts is not {terms.friction:g}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import comb, pi
+from math import comb, nextafter, pi
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -21,6 +21,7 @@ MAX_PATCH_DEGREE = 100  # of a patch, at most
 MAX_NARROWED_DEGREE = 9  # degree of a patch, above which parts of it are not worked out: their weights are many
 REGION_PARTS = 3  # that a box is cut into along each of a region's two parameters, to be narrow
 PARAMETER_RANGE = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
+WHOLE_ANGLE = nextafter(pi, 4.0)  # [rad] the float after half a turn: the one before is `pi`, which misses the pole
 PADDED_TURN = 2 * pi * (1 + 1e-12)  # [rad] a full turn, with room for a file's rounding
 
 
@@ -407,10 +408,10 @@ def read_region(f: Fields) -> RegionData:
     numbers = SURFACES[kind].read(inner)
     inner.done()
     f.done()
-    ball = kind == "cap"
-    ends = (
-        [[0.0, float(numbers["half_angle"])], [-PARAMETER_RANGE, PARAMETER_RANGE]] if ball else [[0.0, 1.0], [0.0, 1.0]]
-    )
+    ball, ends = kind == "cap", [[0.0, 1.0], [0.0, 1.0]]
+    if ball:
+        half = float(numbers["half_angle"])
+        ends = [[0.0, half if half < pi else WHOLE_ANGLE], [-PARAMETER_RANGE, PARAMETER_RANGE]]
     return RegionData(kind, numbers, sign, ball, np.array(ends))
 
 

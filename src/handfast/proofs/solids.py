@@ -4,7 +4,8 @@ At a face the normal is the face's; at an edge or a corner it may be any between
 part is a triangle of points together with a triangle of normals, either of which may be a line or a point, and holds
 at least what there is of the surface. Of solids that are round, points are p = q + radius n, with q of the triangle.
 A point of one solid that another one touches is on the surface with those normals only along which that one does not
-reach beyond it: so nothing is within another solid, or where two meet.
+reach beyond it: so nothing is within another solid, or where two meet. Solids touch that are less than 1e-5 of the
+object's length apart.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ EQUAL_NORMAL_ANGLE = 1e-7  # [rad] normals that differ by less are one
 MAX_NORMAL_CONE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
 # of an object's length: solids that are this near touch; one that goes so far beyond a point covers it
 SOLID_TOUCH_DISTANCE, COVER_DISTANCE = 1e-5, 2e-5
+LOST_DEPTH = 1e-14  # relative: more than rounding loses of depths, over the largest coordinate
+SOLID_POSE_TOLERANCE = 1e-12  # by which the floats of a rotation may miss one
 CONVEXITY_TOLERANCE = 1e-5  # of a mesh's length: how far a vertex may be above a face of a convex one
 SOLID_BATCH = 512  # parts that are looked at together
+DEPTH_BATCH = 1 << 22  # depths of points below faces of a mesh that are in memory at a time
 RIM_PARTS = 180  # parts of a rim
 ELLIPSOID_QUARTERINGS = 5  # times that the eighths of an ellipsoid are quartered
 EIGHTHS = np.array([[[i, 0, 0], [0, j, 0], [0, 0, k]] for i in (1, -1) for j in (1, -1) for k in (1, -1)], dtype=float)
@@ -122,14 +126,16 @@ class ConvexSolid:
         kind = f.text("kind", among=tuple(SOLID_SIZES))
         size = f.numbers("size", (SOLID_SIZES[kind],), [])
         pose = f.numbers("pose", (4, 4), np.eye(4).tolist())
-        vertices = f.numbers("vertices", (-1, 3), [])
-        faces = f.numbers("faces", (-1, 3), []).astype(np.int64)
+        vertices, faces = f.numbers("vertices", (-1, 3), []), f.numbers("faces", (-1, 3), [])
         f.done()
-        if (size <= 0).any() or np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max() > 1e-9:
+        off = np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max()
+        if (size <= 0).any() or off > SOLID_POSE_TOLERANCE or np.linalg.det(pose[:3, :3]) < 0:
             raise BadFile("has a size that is not positive, or a pose that is not rigid", f.place)
         if kind == "mesh" and not (len(faces) and faces.min() >= 0 and faces.max() < len(vertices)):
             raise BadFile("has no faces, or one with a vertex that is not there", f.place)
-        return cls(kind, tuple(size.tolist()), pose, vertices, faces)
+        if (faces % 1).any() or (len(vertices) and (kind != "mesh" or (pose != np.eye(4)).any())):
+            raise BadFile("has faces that are no whole numbers, or vertices beside a size or a pose", f.place)
+        return cls(kind, tuple(size.tolist()), pose, vertices, faces.astype(np.int64))
 
     def parts(self) -> SurfaceParts | None:
         """Of its surface; None of a mesh that is not closed or not convex."""
@@ -142,9 +148,13 @@ class ConvexSolid:
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Lower and upper corner (3,) of a box about it."""
-        if self.kind == "mesh":
-            return self.vertices.min(axis=0), self.vertices.max(axis=0)
-        return self.pose[:3, 3] - sum(self.size), self.pose[:3, 3] + sum(self.size)
+        lower, upper = self.farthest(np.vstack([-np.eye(3), np.eye(3)])).reshape(2, 3, 3)
+        return np.diagonal(lower), np.diagonal(upper)
+
+    @cached_property
+    def middle(self) -> Array:
+        """(3,) a point inside."""
+        return np.asarray(self.vertices.mean(axis=0) if self.kind == "mesh" else self.pose[:3, 3])
 
     def reach(self, center: Array) -> float:
         """[m] from a point to the farthest of the solid, at least."""
@@ -174,9 +184,9 @@ class ConvexSolid:
         return normal, (a * normal).sum(axis=1)
 
     def _of_mesh(self) -> SurfaceParts | None:
-        corners, (normal, height) = self.vertices[self.faces], self._planes
+        corners, (normal, _) = self.vertices[self.faces], self._planes
         # over each face nothing is above it
-        if not (self.vertices @ normal.T - height).max() <= CONVEXITY_TOLERANCE * np.ptp(self.vertices, axis=0).max():
+        if not -self.depth(self.vertices).min() <= CONVEXITY_TOLERANCE * np.ptp(self.vertices, axis=0).max():
             return None
         starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         face = np.repeat(np.arange(len(self.faces)), 3)
@@ -241,8 +251,11 @@ class ConvexSolid:
     def depth(self, points: Array) -> Array:
         """(...) [m] how far points (..., 3) lie below the surface; a concave function, below 0 outside."""
         if self.kind == "mesh":
-            normal, height = self._planes
-            return np.asarray((height - points @ normal.T).min(axis=-1))
+            out = np.full(points.shape[:-1], np.inf)
+            step = max(1, DEPTH_BATCH // max(1, out.size))
+            for normal, height in zip(*(np.split(a, range(step, len(a), step)) for a in self._planes), strict=True):
+                np.minimum(out, (height - points @ normal.T).min(axis=-1), out=out)
+            return out
         p, s = (points - self.pose[:3, 3]) @ self.pose[:3, :3], self.size
         if self.kind == "ellipsoid":
             return np.asarray((1 - np.linalg.norm(p / np.array(s), axis=-1)) * min(s))
@@ -253,7 +266,11 @@ class ConvexSolid:
 
 
 def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
-    """(N,) parts that are nowhere on the surface: in another solid, which reaches beyond them along each normal."""
+    """(N,) parts that are nowhere on the surface: in another solid, which reaches beyond them along each normal.
+
+    What is in a solid once it is moved to the solid's middle by the distance at which solids touch is that near it; and
+    so is all between.
+    """
     axis, half = parts.cones()
     narrow, far = half < MAX_NORMAL_CONE, parts.radius[:, None, None]
     raised = (parts.points[:, :, None] + far[..., None] * parts.normals[:, None]).reshape(-1, 9, 3)
@@ -262,7 +279,8 @@ def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
     out = np.zeros(len(parts), dtype=bool)
     corners = np.array([solid.box for solid in solids])
     length = float(np.ptp(corners, axis=(0, 1)).max())
-    touch, cover = SOLID_TOUCH_DISTANCE * length, COVER_DISTANCE * length
+    lost = LOST_DEPTH * float(np.abs(corners).max())
+    touch, cover = SOLID_TOUCH_DISTANCE * length, COVER_DISTANCE * length + lost
     for k, solid in enumerate(solids):
         inside = (low >= solid.box[0] - touch).all(axis=1) & (high <= solid.box[1] + touch).all(axis=1)
         its = np.flatnonzero(~out & narrow & inside & (parts.solid != k))
@@ -271,6 +289,8 @@ def hidden(parts: SurfaceParts, solids: Sequence[ConvexSolid]) -> Mask:
             beyond = (
                 (ways @ parts.normals[some].swapaxes(1, 2)).min(axis=(1, 2)) - parts.radius[some] - parts.slack[some]
             )
-            within = solid.depth(raised[some]).min(axis=1) >= bulge[some] - touch
+            out_by = raised[some] - solid.middle
+            moved = touch / np.maximum(np.linalg.norm(out_by, axis=2, keepdims=True), touch)
+            within = solid.depth(raised[some] - moved * out_by).min(axis=1) >= bulge[some] + lost
             out[some] = within & (beyond >= cover)
     return out
