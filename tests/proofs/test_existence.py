@@ -842,6 +842,8 @@ def decided(
     [
         (EXACT, OPEN, {}, EXACT, ["free 16"]),
         (EXACT, OPEN, {"least": 0.4, "within": 0.25, "tries": 3}, EXACT, ["free 3"]),
+        (OPEN, EXACT, {"tries": 2}, EXACT, ["free 2", "fixed 2"]),
+        (EXACT, EXACT, {"least": 0.41, "tries": 1}, EXACT, ["free 1"]),  # else more modes could say otherwise
         (
             EXACT,
             replace(EXACT, magnitude=None),

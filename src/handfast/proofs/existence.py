@@ -76,14 +76,14 @@ def prove(p: Problem, x: State, least: float = -np.inf, within: float = np.inf, 
     least: the magnitude that has to be reached; a state with a smaller one is shown only where nothing else is.
     within: [N] the `radius` asked for. Where motions are not determined an exact state may be farther from x; it is
         shown only where x itself misses too much.
-    tries: modes that are tried, the likeliest first.
+    tries: modes that are tried, the likeliest first; with one, the magnitude is not fixed where it could be.
     """
     if not (p.scale >= MIN_FORCE_SCALE and p.grasp.size >= MIN_SIZE):
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
         done = _attempts(p, x, tries, free=free)
-        if free and not (done.exact and done.reaches(least)):
+        if free and tries > 1 and not (done.exact and done.reaches(least)):
             fixed = _attempts(p, x, tries)
             done = fixed if fixed.exact else done
     if (done.exact and done.reaches(least) and done.radius <= within) or not p.granted > 0:

@@ -192,7 +192,7 @@ class Answer(Presented, ABC):
                 out = replace(self, found=self._least)
                 out.__dict__.update(_of_found=least, _shown=(self._least, least))  # kept as `cached_property` does
                 return out
-        if known.exact:
+        if known.exact and self._reaches(known):
             self.__dict__["_of_found"] = known  # else it is asked for again, in all modes
         return self
 
