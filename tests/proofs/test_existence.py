@@ -843,7 +843,6 @@ def decided(
         (EXACT, OPEN, {}, EXACT, ["free 16"]),
         (EXACT, OPEN, {"least": 0.4, "within": 0.25, "tries": 3}, EXACT, ["free 3"]),
         (OPEN, EXACT, {"tries": 2}, EXACT, ["free 2", "fixed 2"]),
-        (EXACT, EXACT, {"least": 0.41, "tries": 1}, EXACT, ["free 1"]),  # else more modes could say otherwise
         (
             EXACT,
             replace(EXACT, magnitude=None),
@@ -875,6 +874,12 @@ def test_what_misses_too_much_is_exact_or_nothing(monkeypatch: pytest.MonkeyPatc
     assert asked == ["free 16", "fixed 16", "near", "nearer"]
     found, _ = decided(monkeypatch, OPEN, OPEN, rough, SHOWN, p)
     assert (found.tolerant, found.residual) == (True, 0.5e-9)
+
+
+def test_with_one_try_the_magnitude_is_not_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it could be an unknown in the next modes, all of them would say otherwise."""
+    _, asked = decided(monkeypatch, OPEN, EXACT, SHOWN, WORSE, half_under_way()[0], tries=1)
+    assert asked == ["free 1", "near"]
 
 
 def test_without_a_magnitude_none_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
