@@ -850,7 +850,6 @@ def decided(
             replace(EXACT, magnitude=None),
             ["free 16", "fixed 16"],
         ),
-        (OPEN, EXACT, {"tries": 2}, EXACT, ["free 2", "fixed 2"]),
         (EXACT, OPEN, {"least": 0.41}, None, ["free 16", "fixed 16", "near"]),
         (EXACT, OPEN, {"within": 0.24}, None, ["free 16", "near"]),
         (OPEN, OPEN, {}, None, ["free 16", "fixed 16", "near"]),

@@ -249,8 +249,8 @@ def test_many_steps_do_not_drift_away() -> None:
     assert re.match(r"all steps together go on from numbers .* N from the states that are proved$", reasons[-1])
 
 
-def test_a_start_is_as_near_as_the_load_that_comes_next_asks_for() -> None:
-    """Without a load the scale is that of the command, 10^6 N: 1e-9 of it are 1e-3 of the load of 1 N."""
+def test_without_a_load_a_start_is_as_near_as_rounding() -> None:
+    """The scale is that of the command, 10^6 N: 1e-9 of it would be 1e-3 of the load of 1 N that comes next."""
     data = json.loads(json.dumps(check(jaw(command=1e6), [0, 1.0, 0], loading=FIRST).to_file()))
     gaps = data["steps"][1]["from"]["gaps"]
     assert replay(read_path(data)).ok
@@ -520,7 +520,7 @@ def test_steps_follow_from_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         path_steps,
         "_apart",
-        lambda before, start, scale: (0.25, "") if before is rest else (0.0, "is no step from there"),
+        lambda before, start: (0.25, "") if before is rest else (0.0, "is no step from there"),
     )
     assert path_steps._linked(steps, 0, rest, None) == 0
     assert path_steps._linked(steps, 1, more, rest) == 0.25
@@ -663,14 +663,10 @@ def test_how_far_a_start_may_be_from_where_the_state_came_to(
 ) -> None:
     came = StartData(np.array([1.0, 2.0]), np.array([3.0]), np.array([4.0]))
     room = StartData(np.array([9.0, 0.125]), np.array([0.25]), np.array([0.5]))
-    monkeypatch.setattr(
-        path_steps,
-        "came_from",
-        lambda p, x, scale: (came, room) if (x is STATE.state, scale) == (True, 7.0) else None,
-    )
+    monkeypatch.setattr(path_steps, "came_from", lambda p, x: (came, room) if x is STATE.state else None)
     own = getattr(came, name).copy()
     own[-1] += by
-    apart, fault = path_steps._apart(Step(0.5, asked(), STATE, None), replace(came, **{name: own}), 7.0)
+    apart, fault = path_steps._apart(Step(0.5, asked(), STATE, None), replace(came, **{name: own}))
     unit = 1.0 if name == "gaps" else asked().grasp.row_units[asked().grasp.parts[2 if name == "slack" else 4]][-1]
     assert apart == (pytest.approx(abs(by) / unit) if near else 0.0)
     assert fault == ("" if near else f"its {name} are not those to which the state before came")

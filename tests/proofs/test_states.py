@@ -187,10 +187,9 @@ def test_where_a_step_came_to_by_hand():
     heavy = replace(p, wrench=np.array([0, 0, -8.0, 0, 0, 0]))
     np.testing.assert_allclose(came_from(heavy, x)[1].stops, 2e-9 * heavy.scale, rtol=1e-3)
     assert heavy.scale == 8 * p.scale
-    there, less = came_from(heavy, x, scale=0.5)
-    np.testing.assert_allclose(less.stops, 1e-9, rtol=1e-3)
-    np.testing.assert_allclose(less.gaps, 0.5e-9 * p.grasp.row_units[p.grasp.contact_rows].sum(axis=1), rtol=1e-3)
-    np.testing.assert_array_equal(there.stops, came_from(heavy, x)[0].stops)
+    there, less = came_from(replace(p, wrench=np.zeros(6)), x)  # without a load roundings of 10 and of 5 alone
+    assert (there.stops[2], there.slack[0]) == (1e-12, 6)
+    assert max(less.gaps.max(), less.stops.max(), less.slack.max()) < 1e-11
     far = replace(x, r=np.zeros(6), q=np.array([1e12, 0, 0]))  # 8 roundings for each of 12 rows
     _, room = came_from(p, far)
     np.testing.assert_allclose(room.stops[0], 2 * 8 * 12 * 2.0**-53 * 1e12, rtol=1e-4)

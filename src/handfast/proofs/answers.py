@@ -27,7 +27,7 @@ from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question,
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import SEARCH_STOPS, Figure, Refused, Replay
 from handfast.proofs.states import ContactMode, Problem, State, read_state
-from handfast.proofs.tolerance import COMPLETE_CAP, drives, farthest, in_play, motion_size, size_of
+from handfast.proofs.tolerance import COMPLETE_CAP, UNBOUNDED_FACTOR, drives, farthest, in_play, motion_size, size_of
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
@@ -37,6 +37,7 @@ RESIDUAL_ROUNDING = 1e-12  # of residuals: they are made of it
 UPPER_BOUND_FACTOR = 2.0  # times an upper bound: up to there at least nothing is resisted
 LIMIT_CLAIM = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
 EACH_TIME = " for each time of the direction"
+UNBOUNDED_CLAIM = f"unbounded: that more is resisted than is shown, at least {UNBOUNDED_FACTOR:g} times what else acts"
 OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys beside `holds_from_zero_to`
 
 
@@ -139,7 +140,8 @@ def replay(saved: SavedAnswer) -> Replay:
             _compare(saved, query, proved, cap)
     except Refused as fault:
         reason = f"answer: {fault}"
-    more = (LIMIT_CLAIM,) if saved.said.get("limit") is not None else ()
+    said = ("limit", LIMIT_CLAIM), ("unbounded", UNBOUNDED_CLAIM)
+    more = [claim for key, claim in said if saved.said.get(key) not in (None, False)]
     return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(*more, ANSWER_NOT_REPLAYED))
 
 

@@ -122,7 +122,7 @@ def replay(saved: SavedPath) -> Replay:
                 parts.append(part)
                 continue
             last, part = _state(k, step)
-            apart += last.radius
+            apart += off_by(_problem(step), last)
             parts.append(replace(part, refused=part.refused or _drifted(apart, most)))
             exact, before, motion = exact and last.exact, step, max(motion, last.motion)
         lowest = 0.0
@@ -150,20 +150,17 @@ def _linked(saved: SavedPath, k: int, step: Step, before: Step | None) -> float:
         raise Refused(f"step {k}: its load is not larger than the one before")
     if start is None:
         raise Refused(f"step {k}: does not say where it starts from")
-    apart, fault = _apart(before, start, load_scale(step.question.grasp, step.question.wrench))
+    apart, fault = _apart(before, start)
     if fault:
         raise Refused(f"step {k}: {fault}")
     return apart
 
 
-def _apart(before: Step, start: StartData, scale: float) -> tuple[float, str]:
-    """[N] how far a start is from the state of the step before; and what it is not of that state, "" if nothing.
-
-    scale: [N] of the load that comes next.
-    """
+def _apart(before: Step, start: StartData) -> tuple[float, str]:
+    """[N] how far a start is from the state of the step before; and what it is not of that state, "" if nothing."""
     assert before.witness is not None
     p = _problem(before)
-    came, room = came_from(p, before.witness.state, scale)
+    came, room = came_from(p, before.witness.state)
     most, (_, _, actuators, _, joints) = 0.0, p.grasp.parts
     units = {"gaps": np.ones(p.grasp.m), "stops": p.grasp.row_units[joints], "slack": p.grasp.row_units[actuators]}
     for name, unit in units.items():
@@ -182,6 +179,11 @@ def _problem(step: Step) -> Problem:
 def may_drift(q: Question, magnitude: float) -> float:
     """[N] how far all steps together may go on from states that are proved, to a magnitude of the load."""
     return PATH_DEVIATION * load_scale(q.grasp, magnitude * q.wrench)
+
+
+def off_by(p: Problem, found: Proved) -> float:
+    """[N] by how much a step's state is off: how far from its numbers it is, and what it misses if it is not exact."""
+    return found.radius + (0.0 if found.exact else found.residual * p.scale)
 
 
 def _drifted(apart: float, most: float) -> str:

@@ -141,23 +141,21 @@ class Problem:
         return 0.0 if self.wrench.any() and not size_of(self.grasp, self.load) else self.scale
 
 
-def came_from(p: Problem, x: State, scale: float = np.inf) -> tuple[StartData, StartData]:
+def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
     """Where a state of a step came to: what the next one starts from; and by how much that may differ.
 
     The springs of contacts that press are where their forces are. Differences are `tolerance.EPS` of the load, which
-    any state may miss, and rounding; a stop or a tendon that is nearer is there.
-    scale: [N] of the next load, where that is less: without a load the scale is that of the commands.
+    any state may miss, and rounding; a stop or a tendon that is nearer is there. Without a load rounding is all.
     """
     g, (M, size) = p.grasp, p.grasp.rows
     rounding = 8 * len(M) * UNIT_ROUNDOFF * (size @ np.abs(x.motion))
-    d, off = M @ x.motion, EPS * p.scale * g.row_units + rounding
+    d, off = M @ x.motion, EPS * (p.scale if p.load.any() else 0.0) * g.row_units + rounding
     rows, (_, _, actuators, _, joints) = g.contact_rows, g.parts
     slides = np.sqrt((d[rows[:, 1:]] ** 2).sum(axis=1))
     gaps = np.where(x.c[::3] > 0, -x.c[::3], g.gaps + p.cos * d[rows[:, 0]] + p.sin * slides)
     stops = np.abs(g.stops_left) + g.stop_side * d[joints]
     slack = np.where(g.tendon & (g.command == 0), g.slack + d[actuators], 0.0)
     stops, slack = (np.where(y <= most, 0.0, y) for y, most in ((stops, off[joints]), (slack, off[actuators])))
-    off = EPS * min(p.scale, scale) * g.row_units + rounding
     room = StartData(off[rows].sum(axis=1), 2 * off[joints], 2 * off[actuators])
     return StartData(gaps, stops, slack), room
 

@@ -393,7 +393,8 @@ class Follower:
         """As far as it goes on from states that are proved, see `path_steps.may_drift`."""
         whole, apart, kept = BoundProblem(self.whole, ANY_STATE), 0.0, 0
         for k, (m, step) in enumerate(zip(magnitudes, steps, strict=False)):
-            apart += step.proved.radius if step.proved is not None else 0.0
+            if step.proved is not None and step.witness is not None:
+                apart += path_steps.off_by(step._problem(step.witness), step.proved)
             kept = k if apart <= path_steps.may_drift(whole.question, m) else kept
         if kept + 1 < len(steps):
             steps = steps[: kept + 2]
