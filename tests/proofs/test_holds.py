@@ -590,6 +590,12 @@ def test_a_bound_may_be_the_command_itself() -> None:
         holds._bounding(of_jaws({"lower": 2.0, "upper": 1.99}, bounding=("a", least)))
 
 
+def test_a_bound_is_a_number() -> None:
+    least = one_answer(jaws(1.0, 2.0, TORQUES, driven=["right", "left"]), query="torques", lower=None)
+    with pytest.raises(Refused, match=r"^has no lower bound, of 0 where nothing is shown$"):
+        holds._bounding(of_jaws({"lower": None, "upper": 2.0}, bounding=("a", least)))
+
+
 def test_parts_are_replayed_as_what_they_are() -> None:
     none = holds.replay(claims({"verdict": "undecided", "lower": 0}))
     assert (none.name, none.not_replayed) == ("hold", (holds.HOLD_NOT_REPLAYED,))

@@ -208,6 +208,8 @@ def _bounding(saved: SavedHold) -> list[Replay]:
     lower, upper = saved.said.get("lower"), saved.said.get("upper")
     if lower == 0 and saved.bounding is None:
         return []
+    if lower is None:
+        raise Refused("has no lower bound, of 0 where nothing is shown")
     name, answer = saved.bounding or ("", None)
     if answer is None or saved.along:
         raise Refused(f"nothing is there that shows the bound {lower}{' on paths' if saved.along else ''}")
