@@ -149,7 +149,9 @@ def max_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
     if unphysical(answer.witness):
         return f"Solutions exist for a {what}, but friction creates energy in them: they are not physical."
     if answer.unbounded:
-        return f"A {what} of any size is resisted."
+        looked = answer.question is not None and answer.question.has_scalar  # else what holds at one size does at all
+        far = f", as far as was looked: up to {num(factor * answer.lower)} {unit}" if looked else ""
+        return f"A {what} of any size is resisted{far}."
     if answer.verdict is Verdict.SLIPS:
         return f"No {what} is resisted, however small{up_to(answer)}."
     lower, upper = num(factor * answer.lower), num(factor * answer.upper)
