@@ -947,7 +947,8 @@ def test_newtons_method_may_lead_elsewhere(monkeypatch: pytest.MonkeyPatch, by: 
     monkeypatch.setattr(existence, "solution", solved)
     monkeypatch.setattr(existence, "near", asked)
     found = existence._nearer(p, x, likeliest(p, x))
-    assert (found is SHOWN) == leads
+    assert found.missed == (SHOWN.missed if leads else np.inf)
+    assert not leads or found.changed == pytest.approx(SHOWN.changed + max(abs(by or 0), 1.0))  # the object's motion
     if not leads:
         assert (found.missed, found.where, found.shown) == (np.inf, "all", False)
     at, better = polished(p, x)
@@ -1145,7 +1146,8 @@ def test_where_newtons_method_leads_counts_at_the_contacts(
     monkeypatch.setattr(existence, "solution", solved)
     monkeypatch.setattr(existence, "near", lambda p, y: SHOWN)
     found = existence._nearer(p, x, MODES)
-    assert (found is SHOWN) == leads
+    assert found.missed == (SHOWN.missed if leads else np.inf)
+    assert not leads or found.changed == pytest.approx(SHOWN.changed + 4 * by)
     assert found.modes is MODES
     assert leads or found.changed == np.inf
 

@@ -27,7 +27,8 @@ from handfast.proofs.path_commands import (
     read_sought,
 )
 from handfast.proofs.question import read_question
-from handfast.proofs.tolerance import MIN_FORCE_SCALE
+from handfast.proofs.states import State
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, drives
 from tests.support.refused import refused
 from tests.support.small_grasp import small_grasp
 
@@ -249,7 +250,39 @@ def test_what_is_left_over_counts_by_its_unit() -> None:
     """m - x / 10^9 >= 3, where x is a motion of "turn", of which 4 is as much as 1 N: times 10^6 times the load."""
     of = small(False)
     row = PathRow({of.measure: fmpq(1), of.at(0, 1): fmpq(-1, 10**9)}, fmpq(3), False)
-    assert of.shown([row], [1.0]) == pytest.approx(3 - 4e-9 * STATE_REACH * of.scale, rel=1e-9)
+    assert of.shown([row], [1.0]) == pytest.approx(3 - 4e-9 * of.reach, rel=1e-9)
+
+
+def test_a_bound_reaches_far_beyond_all_that_acts() -> None:
+    """The load, what commands, limits and given torques press with, and torques of joints that move no contact."""
+    of = small(False)
+    assert drives(of.question) == pytest.approx(48)  # the backdrivable motor's 0.5, 1/96 m at the contact
+    assert of.reach == pytest.approx(48 * STATE_REACH)
+    heavy = replace(of, question=replace(of.question, wrench=2 * of.question.wrench))
+    assert heavy.reach == STATE_REACH * heavy.scale
+    light = replace(of, question=replace(of.question, wrench=1e-3 * of.question.wrench))
+    assert light.reach == pytest.approx(48 * STATE_REACH)
+    idle = replace(light.question.grasp, moves=light.question.grasp.moves & False, torque=np.array([0.0, 7e3, 0]))
+    far = replace(light, question=replace(light.question, grasp=idle))
+    assert far.reach == pytest.approx(7e3 * STATE_REACH)
+
+
+def test_how_far_states_go_in_units() -> None:
+    """Motions of all together, forces of each: an actuator's and a joint's over their arms."""
+    of = small(False)
+    g, none = of.question.grasp, np.zeros
+    state = State(none(6), none(3), none(6), none(3), none(1), none(3), none(2))
+    arm, unit = g.actuator_arms[1], of.units[of.at(0, 1)]
+    for more, size in (
+        ({}, 0.0),
+        ({"q": np.array([3.0, 0, 0])}, 6 / unit),
+        ({"c": np.array([0, 0, -5.0, 0, 0, 0])}, 5.0),
+        ({"f": np.array([0, 2.0, 0])}, 2 / arm),
+        ({"coupling": np.array([2.0])}, 2 / of.units[of.at(0, 5)]),
+        ({"reaction": np.array([0, 0, 4.0])}, 4 / g.joint_arms[2]),
+    ):
+        x = replace(state, **more)
+        assert of.size_of([x, replace(x, q=-x.q)]) == pytest.approx(size)
 
 
 @pytest.mark.parametrize(("y", "terms", "slack"), [(1e-300, True, 0.0), (1e-300, False, 2e-30), (5e-324, True, 0.0)])

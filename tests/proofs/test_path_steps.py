@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.proofs import path_steps
+from handfast.proofs import path_commands, path_steps
 from handfast.proofs.answers import COURSE_KEYS, UNPROVED_STATE
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.fields import BadFile
@@ -218,8 +218,10 @@ def test_a_bound_says_nothing_of_paths_that_move_farther(monkeypatch: pytest.Mon
     path = read_path(saved("sought"))
     assert path.reached == 1.0
     assert replace(path, steps=()).reached == -np.inf
-    monkeypatch.setattr(path_steps, "STATE_REACH", 1.0)  # 1.2 N is more than the load of 0.6 N
-    assert re.search(r"its path moves by 1.2\d* N, of which its bound says nothing$", replay(path).fault)
+    monkeypatch.setattr(path_commands, "STATE_REACH", 1.0)  # motions are more than the load of 0.6 N, and the command
+    assert re.search(
+        r"its path has forces or motions of [12].\d* N, of which its bound says nothing$", replay(path).fault
+    )
 
 
 def test_a_state_that_is_proved_farther_away_is_not_gone_on_from(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -399,7 +401,12 @@ def test_where_a_path_without_end_is_left() -> None:
 
 def looked_for(sense: float = 1.0) -> Any:
     return SimpleNamespace(
-        sought=np.array([0]), senses=np.array([sense]), cost=lambda c: float(abs(c[0])), scale=2.0, words="jaw"
+        sought=np.array([0]),
+        senses=np.array([sense]),
+        cost=lambda c: float(abs(c[0])),
+        reach=2e6,
+        words="jaw",
+        size_of=lambda states: 3.0 * len(states),
     )
 
 
@@ -451,15 +458,15 @@ def test_commands_of_a_path_have_their_sense_and_its_bound_a_reach(monkeypatch: 
         path_steps._torques(saved, looked_for(), before, True, 1.5)
     with pytest.raises(Refused, match=r"^a command has the wrong sense$"):
         path_steps._torques(saved, looked_for(-1.0), before, False, 1.5)
-    # both states move by 3 N, of a load of 2 N
-    for reach, lower, ok in ((3.01, 1.0, True), (2.99, 1.0, False), (2.99, 0.0, True)):
-        monkeypatch.setattr(path_steps, "STATE_REACH", reach)
+    # both states go to 3 N
+    for reach, lower, ok in ((6.01, 1.0, True), (5.99, 1.0, False), (5.99, 0.0, True)):
+        so_far = SimpleNamespace(**(vars(looked_for()) | {"reach": reach}))
         saved = path("torques", "holds", 0.0, 1.0, q=asked(2.0), lower=lower)
         if ok:
-            assert path_steps._torques(saved, looked_for(), before, False, 1.5)["lower"] == lower
+            assert path_steps._torques(saved, so_far, before, False, 1.5)["lower"] == lower
         else:
-            with pytest.raises(Refused, match=r"^its path moves by 6 N, of which its bound says nothing$"):
-                path_steps._torques(saved, looked_for(), before, False, 1.5)
+            with pytest.raises(Refused, match=r"^its path has forces or motions of 6 N, of which its bound says"):
+                path_steps._torques(saved, so_far, before, False, 1.5)
 
 
 class Bound:
@@ -491,7 +498,7 @@ def test_what_cases_of_commands_show(verdict: str, lower: float | None, lowest: 
     saved = path("torques", verdict, lower=lower, bound=Bound(lowest))
     found, (part,) = path_steps._bounded(saved, looked_for())
     assert (found, part.name, part.reason) == (lowest, "bound", reason)
-    reach = f", with forces and motions up to {path_steps.STATE_REACH * 2:.6g} N"
+    reach = ", with forces and motions up to 2e+06 N"
     assert part.claim == f"no commands of jaw hold the load on a path{claim}{reach}"
     assert part.figures == {"leaves": 3, "lower": lowest}
     assert path_steps._bounded(replace(saved, bound=None), looked_for()) == (0.0, [])
@@ -618,7 +625,8 @@ def test_what_all_states_of_a_path_have_in_common(fails: bool, monkeypatch: pyte
         "check", not fails, ["step 0", "step 1", "step 2", "certificate"]
     )  # fmt: skip
     # radii, and how far starts are from where they came; of the last step, which has no state, as well
-    every = [(0.25, 3), (2 * 0.25 + 0.125, 3), (3 * 0.25 + 0.375, 3), (3 * 0.25 + 0.75, 3)]
+    end = 3 * 0.75  # of the last load that has a state
+    every = [(0.25, end), (2 * 0.25 + 0.125, end), (3 * 0.25 + 0.375, end), (3 * 0.25 + 0.75, end)]
     assert before == [every[k] for k in range(4) if not (fails and k == 1)]
     steps = saved.steps
     assert seen[:4] == [(0, steps[0], None), (1, steps[1], steps[0]), (2, steps[2], steps[1]), (3, steps[3], steps[2])]

@@ -108,7 +108,11 @@ def _nearer(p: Problem, x: State, modes: Modes) -> Near:
     except NotShown:
         return elsewhere
     apart = (np.abs(forces - x.forces(p.grasp)) * p.grasp.row_units).max()
-    return near(p, State.of(p.grasp, v, forces)) if apart <= FORCE_DEVIATION * acting(p, x) else elsewhere
+    if not apart <= FORCE_DEVIATION * acting(p, x):
+        return elsewhere
+    found, g = near(p, State.of(p.grasp, v, forces)), p.grasp
+    moved = float((np.abs(g.rows[0] @ (v - x.motion)) / g.row_units).max())
+    return replace(found, changed=found.changed + max(float(apart), moved))
 
 
 def polished(p: Problem, x: State) -> tuple[Problem, State]:

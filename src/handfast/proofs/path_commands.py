@@ -16,12 +16,12 @@ That is linear but for the cones, of which tangents are cited, and for the cases
 state, actuators that moved or did not. A certificate is a tree of cases with multipliers for each leaf; here they are
 summed in rational arithmetic. Which way friction pushes, and what happens between these states, is left out: so a path
 may need more than the bound. It is proved of states whose forces and motions are `STATE_REACH` times the load at most,
-and gives way in (1), (2) and (3) by `DRIFT` of the load, which is more than what steps of a path may miss and hand on.
+and gives way in (1), (2) and (3) by `DRIFT` of the load, which is what steps of a path may miss and hand on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
@@ -33,7 +33,8 @@ from flint import fmpq
 from handfast.proofs.fields import ZERO, Array, BadFile, Fields, Integers, not_zero, rational, refuse_unknown
 from handfast.proofs.kinds import CONE_WIDENING
 from handfast.proofs.question import Question
-from handfast.proofs.tolerance import MIN_FORCE_SCALE, load_scale
+from handfast.proofs.states import State
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, drives, load_scale
 
 STATE_REACH = 1e6  # times the load: forces and motions of the states that a bound is proved of
 DRIFT = 1e-5  # relative to the load: by how much states of a path may miss (1), (2), (3), all steps together
@@ -151,6 +152,22 @@ class PathCommands:
         arms = g.actuator_arms[self.sought]
         every = [*own * self.states, np.ones(len(arms)), arms, [max(arms.max(initial=0.0), arms.sum() * self.sums)]]
         return np.concatenate([np.asarray(x, dtype=float) for x in every])
+
+    @property
+    def reach(self) -> float:
+        """[N] up to which forces and motions of the states a bound is proved: far above all that acts, wherever."""
+        g = self.question.grasp
+        given = load_scale(g, np.zeros(6)) if g.command.any() or g.torque.any() else 0.0
+        return STATE_REACH * max(self.scale, drives(self.question), given)
+
+    def size_of(self, states: Sequence[State]) -> float:
+        """[N] of the forces of some states, and of their motions all together, the largest in `units`."""
+        motions = np.sum([np.abs(x.motion) for x in states], axis=0)
+        forces = [
+            np.concatenate([x.c, np.zeros(len(self.question.grasp.soft)), x.f, x.coupling, x.reaction]) for x in states
+        ]
+        every = np.concatenate([motions, np.abs(forces).max(axis=0)])
+        return float((every / self.units[: len(every)]).max())
 
     # --- the rows
 
@@ -274,7 +291,7 @@ class PathCommands:
         inf if the rows contradict each other, 0 if nothing is shown.
         """
         sums: dict[int, fmpq] = {}
-        right, missed, reach = ZERO, ZERO, rational(STATE_REACH * self.scale)
+        right, missed, reach = ZERO, ZERO, rational(self.reach)
         for row, y in zip(rows, multipliers, strict=True):
             exact = rational(y)
             for column, v in row.terms.items():

@@ -34,11 +34,11 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.existence import FORCE_DEVIATION, Proved, prove
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields
 from handfast.proofs.grasp import StartData, read_start
-from handfast.proofs.path_commands import DRIFT, STATE_REACH, PathBound, PathCommands, read_bound, read_sought
+from handfast.proofs.path_commands import DRIFT, PathBound, PathCommands, read_bound, read_sought
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.tolerance import farthest, load_scale, motion_size
+from handfast.proofs.tolerance import farthest, load_scale
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
@@ -112,7 +112,8 @@ def replay(saved: SavedPath) -> Replay:
     reason, before = "", None
     last: Proved | None = None
     exact, motion, cap, apart = True, 0.0, None, 0.0
-    most = may_drift(saved.question, saved.steps[-1].magnitude) if saved.steps else 0.0
+    end = max(saved.reached, 0.0) or (saved.steps[-1].magnitude if saved.steps else 0.0)
+    most = may_drift(saved.question, end)
     try:
         for k, step in enumerate(saved.steps):
             apart += _linked(saved, k, step, before)
@@ -238,7 +239,7 @@ def _bounded(saved: SavedPath, sought: PathCommands) -> tuple[float, list[Replay
     lower = np.inf if saved.said["verdict"] == "slips" else saved.number("lower") or 0.0
     claim = f"no commands of {sought.words} hold the load on a path"
     claim += "" if lower == np.inf else f" below {lower:.6g}"
-    claim += f", with forces and motions up to {STATE_REACH * sought.scale:.6g} N"
+    claim += f", with forces and motions up to {sought.reach:.6g} N"
     if not lowest >= lower:
         reason = f"its cases show {lowest:.9g}, the answer says {lower:.9g}"
     return lowest, [Replay("bound", claim, reason, {"leaves": len(saved.bound.leaves), "lower": lowest})]
@@ -311,9 +312,9 @@ def _torques(saved: SavedPath, sought: PathCommands, last: Step | None, ended: b
         raise Refused("a command has the wrong sense")
     if lower is None or not 0 <= lower <= min(lowest, upper):
         raise Refused(f"a lower bound of {lower}; {min(lowest, upper):.9g} is shown")
-    moved = sum(motion_size(g, s.witness.state.motion) for s in saved.steps if s.witness is not None)
-    if lower > 0 and not moved <= STATE_REACH * sought.scale:
-        raise Refused(f"its path moves by {moved:.3g} N, of which its bound says nothing")
+    far = sought.size_of([s.witness.state for s in saved.steps if s.witness is not None])
+    if lower > 0 and not far <= sought.reach:
+        raise Refused(f"its path has forces or motions of {far:.3g} N, of which its bound says nothing")
     preload = {g.actuators[j]: float(g.command[j]) for j in sought.sought.tolist()}
     return none | {"preload": preload, "lower": lower, "upper": upper}
 

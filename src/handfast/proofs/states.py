@@ -30,7 +30,7 @@ from flint import fmpq
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, rational, rounded
 from handfast.proofs.grasp import GraspData, StartData
 from handfast.proofs.question import Question
-from handfast.proofs.tolerance import EPS, UNIT_ROUNDOFF, load_scale, size_of
+from handfast.proofs.tolerance import UNIT_ROUNDOFF, load_scale, motion_size, size_of
 
 Numbers = Callable[[Any], Any]  # from floats to arrays of floats, balls or rational numbers
 
@@ -144,12 +144,12 @@ class Problem:
 def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
     """Where a state of a step came to: what the next one starts from; and by how much that may differ.
 
-    The springs of contacts that press are where their forces are. Differences are `tolerance.EPS` of the load, which
-    any state may miss, and rounding; a stop or a tendon that is nearer is there. Without a load rounding is all.
+    The springs of contacts that press are where their forces are. Differences are those of rounding; a stop or a tendon
+    that is nearer is there.
     """
     g, (M, size) = p.grasp, p.grasp.rows
-    rounding = 8 * len(M) * UNIT_ROUNDOFF * (size @ np.abs(x.motion))
-    d, off = M @ x.motion, EPS * (p.scale if p.load.any() else 0.0) * g.row_units + rounding
+    largest = np.maximum(size @ np.abs(x.motion), motion_size(g, x.motion) * g.row_units)
+    d, off = M @ x.motion, 8 * len(M) * UNIT_ROUNDOFF * largest
     rows, (_, _, actuators, _, joints) = g.contact_rows, g.parts
     slides = np.sqrt((d[rows[:, 1:]] ** 2).sum(axis=1))
     gaps = np.where(x.c[::3] > 0, -x.c[::3], g.gaps + p.cos * d[rows[:, 0]] + p.sin * slides)

@@ -391,11 +391,12 @@ class Follower:
 
     def _path(self, steps: list[StepAnswer], magnitudes: list[float]) -> LoadPath:
         """As far as it goes on from states that are proved, see `path_steps.may_drift`."""
-        whole, apart, kept = BoundProblem(self.whole, ANY_STATE), 0.0, 0
+        whole, apart, kept, end = BoundProblem(self.whole, ANY_STATE), 0.0, -1, 0.0
         for k, (m, step) in enumerate(zip(magnitudes, steps, strict=False)):
+            end = m if step.verdict is Verdict.HOLDS or not end else end
             if step.proved is not None and step.witness is not None:
                 apart += path_steps.off_by(step._problem(step.witness), step.proved)
-            kept = k if apart <= path_steps.may_drift(whole.question, m) else kept
+            kept = k if apart <= path_steps.may_drift(whole.question, end) else kept
         if kept + 1 < len(steps):
             steps = steps[: kept + 2]
             steps[-1] = replace(steps[-1], verdict=Verdict.UNDECIDED, stop=Stop.NUMERICAL, found=None, proof=None)

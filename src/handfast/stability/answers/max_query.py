@@ -12,6 +12,7 @@ import numpy as np
 from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
+from handfast.proofs.answers import UPPER_BOUND_FACTOR
 from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.constants import END_TOLERANCE
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from handfast.stability.search.interval_search import ResistedInterval
     from handfast.stability.search.proof import Outcome
     from handfast.stability.search.supremum import Supremum
+BEYOND_BOUND = 1.01 * UPPER_BOUND_FACTOR  # times a bound: as far as it is looked for where the usual end is nearer
 MAGNITUDE_TOLERANCE = 1e-9  # relative: the exact state of a largest magnitude is so near the one that was found
 Near = tuple[State, float]  # of a question that is nearly the same: a state, and the magnitude that it resists
 
@@ -309,6 +311,11 @@ def _search(
     elif found.bound == INF and goal.has_scalar:
         found = without_end(p, goal, settings, on_progress, found, limits)
     interrupted = found.stop is Stop.INTERRUPTED
+    upper = goal.bounds(p, found.value, found.bound)[1] if goal.has_scalar and found.witness is not None else INF
+    if p.last_magnitude < UPPER_BOUND_FACTOR * upper < INF and not interrupted:  # a bound is shown to twice as far
+        lo, hi = goal.search_range(p)
+        last = goal.objective(goal.at_magnitude(p, BEYOND_BOUND * upper))
+        found = solve(p, goal, time_left(settings, limits), on_progress, within=(min(lo, last), hi)).after(found)
     if found.witness is None and found.bound < INF and goal.maximised and not interrupted:
         alone = solve(p, ANY_STATE, time_left(settings, limits), None)  # is the base load resisted, at least?
         found = found.after(alone)
