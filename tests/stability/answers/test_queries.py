@@ -23,7 +23,7 @@ from handfast.stability.problem.settings import Settings
 from handfast.stability.search import search
 from handfast.stability.studies import questions as queries
 from tests.support.interruptions import ctrl_c, interrupt
-from tests.support.problems import Y, Z, bell, nest, pinch, table
+from tests.support.problems import X, Y, Z, bell, nest, pinch, table
 
 A = TypeVar("A", bound=Answer)
 
@@ -235,6 +235,26 @@ def test_a_motor_may_press_by_another_that_is_held(command: float, tendon: bool)
     on_path = queries.maximum(grasp, Z, loading="preload-first")
     assert on_path.lower == pytest.approx(command, rel=2e-3)
     assert on_path.verify().ok
+
+
+def test_a_bound_near_the_end_of_a_search_is_shown_to_twice_as_far() -> None:
+    """A toggle: 1 N along x meets a slide along (-1, -1e-4), which gives way but for 10^4 N down: 10^4 N across."""
+    contacts = [Contact([x, y, 0], [0, -y, 0], 0.5) for x, y in ((0.0, 1.0), (0.5, -1.0), (-0.5, -1.0))]
+    slide = np.array([-1.0, -1e-4, 0]) / np.hypot(1, 1e-4)
+    joints = [GraspJoint(name, along, [0, 1, 0], (0,), "prismatic") for name, along in (("a", X), ("b", slide))]
+    motor = Mechanism(("m",), np.array([[1.0, 0.0]]), np.zeros((0, 2)), (False,), (True,))
+    answer = maximum(Grasp(contacts, joints, motor, {"m": 1.0}), Z)
+    assert_bounds(answer, 1e4 - 1e-4, gap=1.001e-3)
+    assert answer.verify().ok
+
+
+def test_a_path_whose_first_state_is_not_near_enough_is_left_open() -> None:
+    """A finger of 1 N levers with 10^5 N: numbers are off by more than 1e-5 of the force that is commanded."""
+    at = [[0, 1e-5, 0], [0, -1e-5, 0], [0, 1, 0]]
+    contacts = [Contact(p, [0, 0, n], mu) for p, n, mu in zip(at, (1, -1, -1), (0.5, 0.5, 0.0), strict=True)]
+    finger = GraspJoint("f", [0, 0, -1], [0, 1, 0], (2,), "prismatic")
+    answer = queries.maximum(Grasp(contacts, [finger], preload={"f": 1.0}), X, loading="preload-first")
+    assert answer.verify().ok
 
 
 def geared_pinch(*ratios: float) -> Grasp:

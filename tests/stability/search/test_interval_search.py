@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,12 @@ from handfast.pictures.map_picture import draw_map
 from handfast.readers.grasp_file import load_grasp, save_grasp
 from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.check_query import ask as check
+from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.objective import LARGEST_MAGNITUDE
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import VALID
+from handfast.stability.search import interval_search
 from handfast.stability.search.interval_search import _Magnitudes, resisted
 from handfast.stability.search.proof import Outcome
 from handfast.stability.studies.maps import MapAnswer
@@ -131,6 +135,25 @@ def test_a_finer_gap_gives_sharper_ends(holed: tuple[Grasp, np.ndarray, MaxAnswe
     assert first - fine.holds_from_zero_to <= GAP / 10 * first
     assert outer * (1 - GAP) <= first <= outer * (1 + GAP / 10)  # certified, and as sharp as asked
     assert end <= last * (1 + 1e-9) <= end * (1 + GAP)
+
+
+@pytest.mark.parametrize("cap", [None, 5.0])
+def test_a_hole_is_proved_for_motions_of_any_size(cap: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    p = scaled_problem.build(pinch(), np.zeros(6), Y6)
+    search = _Magnitudes(p, LARGEST_MAGNITUDE, Settings(), lambda w: w.state)
+    proof = SimpleNamespace(cap=cap, certificate="of the hole")
+    monkeypatch.setattr(search, "_search", lambda *asked: SimpleNamespace(bound=np.inf, proof=proof))
+    search._slip(0.25, 0.5)
+    assert search.slips == (["of the hole"] if cap is None else [])
+
+
+def test_magnitudes_count_as_none_by_what_a_checker_takes_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1 N of friction is 1/10^4 of what it is sought to."""
+    search = _Magnitudes(
+        scaled_problem.build(pinch(), np.zeros(6), Y6), LARGEST_MAGNITUDE, Settings(), lambda w: w.state
+    )
+    monkeypatch.setattr(interval_search, "known", lambda *said: said)
+    assert search.known(1.0, 2.0)[-1] == pytest.approx(0.1)  # 1000 times 1 N at the tips, over 10^4
 
 
 def test_a_hole_that_begins_at_nothing() -> None:
