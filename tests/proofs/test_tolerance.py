@@ -142,6 +142,25 @@ def test_the_size_of_a_motion_by_hand_is_no_more_than_what_is_said(motion: Any, 
     assert size <= motion_size(g, v, more) <= size * (1 + 1e-11)
 
 
+def test_the_size_of_several_motions_is_that_of_the_largest() -> None:
+    g = read_grasp(small_grasp(), "g")
+    one, two = np.zeros(6 + g.l), np.zeros(6 + g.l)
+    one[[0, 1]], two[[3, 4]] = (3, 4), (6, 8)
+    assert motion_size(g, np.stack([one, two])) == pytest.approx(5, rel=1e-11)
+    assert motion_size(g, np.stack([one, one])) == motion_size(g, one)
+    assert motion_size(g, np.stack([two, two])) == motion_size(g, two)
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_far_from_the_origin_turns_round_what_the_middle_moves_by(turn: float) -> None:
+    """A turn about z with a way back leaves 1/8 and 1 along x of a middle 10^6 m away; 10^-9 of it may be rounding."""
+    g, away = read_grasp(small_grasp(), "g"), np.array([1e6, 0, 0])
+    far = replace(g, positions=g.positions + away, origins=g.origins + away)
+    v = np.zeros(6 + g.l)
+    v[[0, 1, 5]] = turn, turn * (-1e6 - 0.25), turn
+    assert 1.125 + 0.9e-9 <= motion_size(far, v) <= 1.125 + 1.2e-9
+
+
 def test_drives_by_hand() -> None:
     assert drives(question(quiet())) == 0
     assert drives(question(small_grasp())) == pytest.approx(24)  # pull: 3 over 1/8
