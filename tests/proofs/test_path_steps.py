@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
 from handfast.proofs import path_commands, path_steps
 from handfast.proofs.answers import COURSE_KEYS, UNPROVED_STATE
 from handfast.proofs.existence import Proved, prove
@@ -29,6 +30,7 @@ from handfast.proofs.question import Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import load_scale
+from handfast.stability.problem.bound_problem import grasp_data
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import check, maximum, torques
 
@@ -261,6 +263,26 @@ def test_without_a_load_a_start_is_as_near_as_rounding() -> None:
     first, second = (load_scale(s.question.grasp, s.question.wrench) for s in read_path(data).steps[:2])
     assert first == pytest.approx(1e6)
     assert second <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("stop", "ratio", "factor"), [("", 1e6, 1), ("lower", 1e6, 1e6), ("both", 4.0, 4), ("lower", 0.1, 1)]
+)
+def test_a_stop_counts_by_what_couplings_move(stop: str, ratio: float, factor: float) -> None:
+    """A joint that moves no contact, with a jaw that goes `ratio` times as far."""
+    contacts = [Contact([x, 0, 0], [-x, 0, 0], 0.5) for x in (-1.0, 1.0)]
+    joints = [
+        GraspJoint("jaw", [1, 0, 0], [0, 0, 0], (0,), "prismatic"),
+        GraspJoint("s", [1, 0, 0], [0, 0, 0], (), "prismatic", stop=stop),
+    ]
+    mechanism = Mechanism((), np.zeros((0, 2)), np.array([[1.0, -ratio]]), ())
+    g = grasp_data(Grasp(contacts, joints, mechanism))
+    assert path_steps.leverage(g) == pytest.approx(factor)
+    found = SimpleNamespace(radius=2.0, exact=False, residual=0.5)
+    p = SimpleNamespace(grasp=g, scale=3.0)
+    assert path_steps.off_by(p, found) == pytest.approx(2 * factor + 1.5)
+    found.exact = True
+    assert path_steps.off_by(p, found) == pytest.approx(2 * factor)
 
 
 def test_only_the_load_alone_may_be_scaled() -> None:

@@ -8,6 +8,7 @@ import pytest
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.grasp import StartData
 from handfast.proofs.states import ContactMode as Kind
 from handfast.proofs.states import (
     Laws,
@@ -166,7 +167,9 @@ def test_a_state_of_a_file_has_its_lengths_and_no_torsion_at_points():
 
 
 def test_where_a_step_came_to_by_hand():
-    """Contact 0 opens by 0.8 x 10 + 0.6 x |(3, 4)| = 11, contact 1 presses with 0.5 N, joints and tendons move away."""
+    """Contact 0 opens by 0.8 x 10 + 0.6 x |(3, 4)| = 11, whatever rounding leaves of its force; contact 1, that pressed
+    with 11.5 N, with 0.5 N. Joints and tendons move away.
+    """
     contacts = [Contact([0, 0, 0], [0, 0, 1], 0.5), Contact([1, 0, 0], [0, 0, 1], 0.5)]
     joints = [
         GraspJoint(name, [1, 0, 0], [0, 0, 0], (), "prismatic", stop=stop)
@@ -175,7 +178,8 @@ def test_where_a_step_came_to_by_hand():
     mechanism = Mechanism(("t", "pulled"), np.array([[3.0, 0, 0], [1, 0, 0]]), np.zeros((0, 3)), (True, True))
     p = problem(Grasp(contacts, joints, mechanism, {"pulled": 1.0}), [0, 0, -1.0])
     none = np.zeros(3)
-    r, c = np.array([3.0, 4, 10, 0, 0, 0]), np.array([0.0, 0, 0, 0.5, 0, 0])
+    p = replace(p, grasp=p.grasp.with_start(StartData(np.array([0, -11.5]), none, none[:2])))
+    r, c = np.array([3.0, 4, 10, 0, 0, 0]), np.array([1e-16, 0, 0, 0.5, 0, 0])
     x = State(r, np.array([2.0, -5, 1e-13]), c, np.zeros(2), np.zeros(0), none, none[:2])
     came, room = came_from(replace(p, cos=0.8, sin=0.6), x)
     np.testing.assert_allclose(came.gaps, [11, -0.5])

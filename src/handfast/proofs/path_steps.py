@@ -33,12 +33,12 @@ from handfast.proofs.answers import (
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.existence import FORCE_DEVIATION, Proved, prove
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields
-from handfast.proofs.grasp import StartData, read_start
+from handfast.proofs.grasp import GraspData, StartData, read_start
 from handfast.proofs.path_commands import DRIFT, PathBound, PathCommands, read_bound, read_sought
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.tolerance import farthest, load_scale
+from handfast.proofs.tolerance import farthest, load_scale, ways
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
@@ -169,7 +169,7 @@ def _apart(before: Step, start: StartData) -> tuple[float, str]:
         if not (off <= allowed).all():
             return most, f"its {name} are not those to which the state before came"
         most = max(most, float((off / unit).max(initial=0.0)))
-    return most, ""
+    return leverage(p.grasp) * most, ""
 
 
 def _problem(step: Step) -> Problem:
@@ -183,8 +183,21 @@ def may_drift(q: Question, magnitude: float) -> float:
 
 
 def off_by(p: Problem, found: Proved) -> float:
-    """[N] by how much a step's state is off: how far from its numbers it is, and what it misses if it is not exact."""
-    return found.radius + (0.0 if found.exact else found.residual * p.scale)
+    """[N] by how much a step's state is off: how far the proved one is, as contacts feel it, and what that misses."""
+    return leverage(p.grasp) * found.radius + (0.0 if found.exact else found.residual * p.scale)
+
+
+def leverage(g: GraspData) -> float:
+    """How many times farther than `row_units` say contacts move with a joint that has a stop, or a tendon; 1 or more.
+
+    A joint that itself moves none may drive others by couplings.
+    """
+    moved, (_, _, actuators, _, joints) = ways(g.A) if len(g.A) else np.eye(g.l), g.parts
+    units, slack = g.row_units, g.tendon & (g.command == 0)
+    its = np.abs(np.vstack([moved[g.stop != 0], (g.R @ moved)[slack]]))
+    own = np.concatenate([units[joints][g.stop != 0], units[actuators][slack]])
+    far = np.where(its > 0, g.arms_of(moved) / np.where(its > 0, its, 1.0), 0.0).max(axis=1, initial=0.0)
+    return float((far * own).max(initial=1.0))
 
 
 def _drifted(apart: float, most: float) -> str:

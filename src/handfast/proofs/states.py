@@ -144,15 +144,15 @@ class Problem:
 def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
     """Where a state of a step came to: what the next one starts from; and by how much that may differ.
 
-    The springs of contacts that press are where their forces are. Differences are those of rounding; a stop or a tendon
-    that is nearer is there.
+    The springs of contacts that are not open by their motions are where their forces are. Differences are those of
+    rounding; a stop or a tendon that is nearer is there.
     """
     g, (M, size) = p.grasp, p.grasp.rows
     largest = np.maximum(size @ np.abs(x.motion), motion_size(g, x.motion) * g.row_units)
     d, off = M @ x.motion, 8 * len(M) * UNIT_ROUNDOFF * largest
     rows, (_, _, actuators, _, joints) = g.contact_rows, g.parts
-    slides = np.sqrt((d[rows[:, 1:]] ** 2).sum(axis=1))
-    gaps = np.where(x.c[::3] > 0, -x.c[::3], g.gaps + p.cos * d[rows[:, 0]] + p.sin * slides)
+    opened = g.gaps + p.cos * d[rows[:, 0]] + p.sin * np.sqrt((d[rows[:, 1:]] ** 2).sum(axis=1))
+    gaps = np.where(opened > 0, opened, -x.c[::3])  # of what is open the force is rounding
     stops = np.abs(g.stops_left) + g.stop_side * d[joints]
     slack = np.where(g.tendon & (g.command == 0), g.slack + d[actuators], 0.0)
     stops, slack = (np.where(y <= most, 0.0, y) for y, most in ((stops, off[joints]), (slack, off[actuators])))
