@@ -1140,3 +1140,14 @@ def test_a_stop_carries_beyond_friction_but_for_the_tolerance(stop: str, less: f
         curve = _Curve(replace(p, grasp=p.grasp.with_start(start)), np.zeros(2), tables, F)
     assert curve.joint[0] == (Part.BACK if less < 1 else Part.RESTS)
     assert curve.reaction_off[0] == pytest.approx(2 * missed if less < 1 else 0.0, rel=1e-4)
+
+
+def test_where_joints_are_held_counts_as_a_change() -> None:
+    """Nothing acts, and nothing moves: 8 m of a jaw that is locked are none, and contacts were told so far away."""
+    contacts = [Contact([x, 0, 0], [-x, 0, 0], 0.5) for x in (-1.0, 1.0)]
+    jaw = GraspJoint("jaw", [1, 0, 0], [0, 0, 0], (0,), "prismatic")
+    p, x = asked(Grasp(contacts, [jaw]), [0.0] * 6, {"forces": np.zeros((2, 3)), "q": [8.0]})
+    found = near(p, x)
+    assert found.shown
+    assert found.changed == pytest.approx(8 * np.abs(p.grasp.rows[0][:, 6] / p.grasp.row_units).max())
+    assert found.changed > 4

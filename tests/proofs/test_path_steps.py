@@ -693,7 +693,7 @@ def test_how_far_a_start_may_be_from_where_the_state_came_to(
 ) -> None:
     came = StartData(np.array([1.0, 2.0]), np.array([3.0]), np.array([4.0]))
     room = StartData(np.array([9.0, 0.125]), np.array([0.25]), np.array([0.5]))
-    monkeypatch.setattr(path_steps, "came_from", lambda p, x: (came, room) if x is STATE.state else None)
+    monkeypatch.setattr(path_steps, "came_from", lambda p, x: (came, room, 0.0) if x is STATE.state else None)
     own = getattr(came, name).copy()
     own[-1] += by
     apart, fault = path_steps._apart(Step(0.5, asked(), STATE, None), replace(came, **{name: own}))

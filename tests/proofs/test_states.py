@@ -181,7 +181,8 @@ def test_where_a_step_came_to_by_hand():
     p = replace(p, grasp=p.grasp.with_start(StartData(np.array([0, -11.5]), none, none[:2])))
     r, c = np.array([3.0, 4, 10, 0, 0, 0]), np.array([1e-16, 0, 0, 0.5, 0, 0])
     x = State(r, np.array([2.0, -5, 1e-13]), c, np.zeros(2), np.zeros(0), none, none[:2])
-    came, room = came_from(replace(p, cos=0.8, sin=0.6), x)
+    came, room, moved = came_from(replace(p, cos=0.8, sin=0.6), x)
+    assert moved == pytest.approx(1e-13)
     np.testing.assert_allclose(came.gaps, [11, -0.5])
     np.testing.assert_allclose(came.stops, [2, 5, 0], atol=0)
     np.testing.assert_allclose(came.slack, [6, 0], atol=0)
@@ -193,7 +194,7 @@ def test_where_a_step_came_to_by_hand():
     left = replace(x, q=np.array([2.0, -5, 1.3e-13]))
     assert came_from(p, left)[0].stops[2] == 1.3e-13
     far = replace(x, r=np.zeros(6), q=np.array([1e12, 0, 0]))  # 8 roundings for each of 12 rows
-    _, room = came_from(p, far)
+    _, room, _ = came_from(p, far)
     np.testing.assert_allclose(room.stops[0], 2 * 8 * 12 * 2.0**-53 * 1e12, rtol=1e-4)
     np.testing.assert_allclose(room.slack[0], 2 * 8 * 12 * 2.0**-53 * 3e12, rtol=1e-4)
 

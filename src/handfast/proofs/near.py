@@ -274,7 +274,9 @@ class _Curve:
             self._fault("the work of what (1) and (2) miss", work * RESIDUAL_INFLATION / F * (EPS / WORK))
         where = max(self.faults, key=lambda name: self.faults[name])
         modes = Modes(self.contact, np.zeros(g.m, dtype=bool), self.actuator, self.joint)
-        return Near(self.faults[where], where, modes, self.changed, motion_size(g, floats(v)))
+        projected = np.abs((floats(self.q) - self.x["q"]) @ g.rows[0][:, 6:].T) / g.row_units
+        changed = max(self.changed, float(projected.max(initial=0.0)))
+        return Near(self.faults[where], where, modes, changed, motion_size(g, floats(v)))
 
 
 def _projected(q: Array, rows: Array, units: Array, at: Array) -> Array | None:

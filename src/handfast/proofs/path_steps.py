@@ -161,8 +161,8 @@ def _apart(before: Step, start: StartData) -> tuple[float, str]:
     """[N] how far a start is from the state of the step before; and what it is not of that state, "" if nothing."""
     assert before.witness is not None
     p = _problem(before)
-    came, room = came_from(p, before.witness.state)
-    most, (_, _, actuators, _, joints) = 0.0, p.grasp.parts
+    came, room, most = came_from(p, before.witness.state)
+    _, _, actuators, _, joints = p.grasp.parts
     units = {"gaps": np.ones(p.grasp.m), "stops": p.grasp.row_units[joints], "slack": p.grasp.row_units[actuators]}
     for name, unit in units.items():
         off, allowed = np.abs(getattr(start, name) - getattr(came, name)), getattr(room, name)

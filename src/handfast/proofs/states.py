@@ -141,11 +141,11 @@ class Problem:
         return 0.0 if self.wrench.any() and not size_of(self.grasp, self.load) else self.scale
 
 
-def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
-    """Where a state of a step came to: what the next one starts from; and by how much that may differ.
+def came_from(p: Problem, x: State) -> tuple[StartData, StartData, float]:
+    """Where a state of a step came to: what the next one starts from; by how much that may differ; how far it is moved.
 
     The springs of contacts that are not open by their motions are where their forces are. Differences are those of
-    rounding; a stop or a tendon that is nearer is there.
+    rounding; a stop or a tendon that is nearer is there, which the third number [N] tells.
     """
     g, (M, size) = p.grasp, p.grasp.rows
     largest = np.maximum(size @ np.abs(x.motion), motion_size(g, x.motion) * g.row_units)
@@ -155,9 +155,11 @@ def came_from(p: Problem, x: State) -> tuple[StartData, StartData]:
     gaps = np.where(opened > 0, opened, -x.c[::3])  # of what is open the force is rounding
     stops = np.abs(g.stops_left) + g.stop_side * d[joints]
     slack = np.where(g.tendon & (g.command == 0), g.slack + d[actuators], 0.0)
-    stops, slack = (np.where(y <= most, 0.0, y) for y, most in ((stops, off[joints]), (slack, off[actuators])))
+    near = [(y, y <= off[at], g.row_units[at]) for y, at in ((stops, joints), (slack, actuators))]
+    moved = max(float((np.abs(y) / unit)[its].max(initial=0.0)) for y, its, unit in near)
+    stops, slack = (np.where(its, 0.0, y) for y, its, _ in near)
     room = StartData(off[rows].sum(axis=1), 2 * off[joints], 2 * off[actuators])
-    return StartData(gaps, stops, slack), room
+    return StartData(gaps, stops, slack), room, moved
 
 
 class ContactMode:

@@ -207,7 +207,7 @@ def _step_json(s: StepAnswer) -> dict[str, Any]:
 
 def start_after(step: StepAnswer, w: Witness) -> Start:
     """What the next step starts from, after a state of this one."""
-    came, _ = came_from(step._problem(w), stated(w.state))
+    came, _, _ = came_from(step._problem(w), stated(w.state))
     return Start(came.gaps, came.stops, came.slack)
 
 
