@@ -92,7 +92,8 @@ def up_to(answer: Answer) -> str:
     """', with virtual motions up to 10000 N' where a claim is not proved beyond; else ''."""
     cap = getattr(answer, "motion_cap", None)
     q = answer.question
-    of_all = isinstance(answer, MaxAnswer) and answer.path is None and not answer.upper > 0
+    begins = answer.path.slips_at if isinstance(answer.path, LoadPath) else 1.0
+    of_all = isinstance(answer, MaxAnswer) and not answer.upper > 0 and bool(begins)
     each = EACH_TIME if of_all and q is not None and (q.homogeneous or not q.has_scalar) else ""
     return "" if cap is None else f", with virtual motions up to {num(cap)} N{each}"
 

@@ -238,7 +238,10 @@ def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Re
     if before is not None:
         claim = f"{step.magnitude:.6g} times the load is not resisted from the state at {before.magnitude:.6g} times"
     part = refuted(claim, step.certificate, None, None, complete=True)
-    return part, motion_cap(part)
+    cap, of_all = motion_cap(part), saved.said["query"] == "max" and before is not None and not before.magnitude
+    if cap is not None and of_all and is_scale_free(saved.question):  # told for each time of the direction
+        cap /= step.magnitude
+    return part, cap
 
 
 def _bounded(saved: SavedPath, sought: PathCommands) -> tuple[float, list[Replay]]:

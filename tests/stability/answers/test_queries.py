@@ -257,6 +257,17 @@ def test_a_path_whose_first_state_is_not_near_enough_is_left_open() -> None:
     assert answer.verify().ok
 
 
+def test_where_no_path_begins_the_cap_is_that_of_each_time_of_the_direction() -> None:
+    """Contacts that all but face each other: 10^-6 of what they press with holds, moving by 2 x 10^12 N for 1 N."""
+    contacts = [Contact([-1, 0, 0], [1, 0, 0], 0.0), Contact([1, 0, 0], np.array([-1, 1e-6, 0]), 0.0)]
+    answer = queries.maximum(Grasp(contacts), w(0, -1, 0, torque=(0, 0, -1)), loading="preload-first")
+    assert (answer.verdict, answer.upper) == (Verdict.SLIPS, 0)
+    assert answer.path.slips_at > 100
+    assert answer.motion_cap == pytest.approx(answer.proof.cap / answer.path.slips_at)
+    assert answer.motion_cap < 2e12
+    assert answer.verify().ok
+
+
 def geared_pinch(*ratios: float) -> Grasp:
     """A fixed contact, and jaws opposite that a motor's slide, which touches nothing, drives: so far per motion."""
     contacts, joints = [Contact([-1, 0, 0], [1, 0, 0], 0.5)], []

@@ -101,6 +101,11 @@ class MaxAnswer(Answer):
         return replace(settled, lower=0.0, upper=upper, unbounded=False)
 
     @property
+    def motion_cap(self) -> float | None:
+        cap, at = super().motion_cap, getattr(self.path, "slips_at", None)
+        return cap / at if cap is not None and at and self.upper == 0 else cap
+
+    @property
     def _bound(self) -> float:
         return self.upper if np.isfinite(self.upper) else 0.0
 
