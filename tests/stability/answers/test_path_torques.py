@@ -145,7 +145,9 @@ def test_units_frames_and_order_change_nothing() -> None:
     other = moved(jaw(), R, shift, [1, 0], length, force)
     w = force * np.r_[R @ load[:3], length * np.cross(shift, R @ load[:3])]
     one, two = found(jaw(), load), found(other, w)
-    assert two.lower == pytest.approx(force * one.lower, rel=1e-4)
+    # what torques may miss, `DRIFT` = 1e-5 of the load, is about the origin, and grows with the way there
+    assert two.lower == pytest.approx(force * one.lower, rel=1e-3)
+    assert two.lower < force * one.lower
     assert two.upper == pytest.approx(force * one.upper, rel=2e-2)
 
 
