@@ -3,43 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from handfast.core.schema import written
-from handfast.model.grasp import Grasp
-from handfast.proofs.grasp import GraspData, StartData, read_grasp
 from handfast.proofs.question import Question
 from handfast.proofs.states import State as StateData
 from handfast.readers import grasp_file
+from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
-
-
-@dataclass(frozen=True)
-class _Parts:
-    """What `GraspData` is made of, but for the start of a step."""
-
-    parts: tuple[Any, ...]
-    grasp: Grasp = field(compare=False)
-
-
-@lru_cache(maxsize=64)  # of a grasp that is asked again and again
-def grasp_data(grasp: Grasp) -> GraspData:
-    """A grasp as proofs read it from a file."""
-    if grasp.start is None:
-        return read_grasp(grasp_file.to_dict(grasp), "grasp")
-    bare = _without_start(_Parts((grasp.contacts, grasp.joints, grasp.mechanism, grasp.command.tobytes()), grasp))
-    return bare.with_start(StartData(grasp.start.gaps, grasp.start.stops, grasp.start.slack))
-
-
-@lru_cache(maxsize=8)  # of all steps of a path
-def _without_start(made_of: _Parts) -> GraspData:
-    return read_grasp(grasp_file.to_dict(made_of.grasp), "grasp")
 
 
 def stated(s: State) -> StateData:

@@ -15,9 +15,11 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross, cross_rows
 from handfast.model.grasp import Grasp
+from handfast.proofs.question import LARGEST_GOAL, Question
 from handfast.proofs.tolerance import drives, passed_on, ways
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
+from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
 from handfast.stability.problem.model import State
@@ -117,10 +119,20 @@ class ScaledProblem:
     @cached_property
     def strongest(self) -> float:
         """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
-        from handfast.stability.problem.bound_problem import BoundProblem  # which is made of this
-        from handfast.stability.problem.objective import LARGEST_MAGNITUDE
-
-        return max(self.force, drives(BoundProblem(self, LARGEST_MAGNITUDE).question))
+        within, none = self.limits, np.zeros(6)
+        question = Question(
+            grasp_data(self.grasp),
+            LARGEST_GOAL,
+            False,
+            none,
+            none,
+            within.eta,
+            self.mdp,
+            within.torque_limits,
+            within.largest_normal_force,
+            (),
+        )
+        return max(self.force, drives(question))
 
     @property
     def is_given(self) -> bool:
