@@ -521,7 +521,7 @@ def test_what_is_said_of_smaller_magnitudes_is_what_is_shown(monkeypatch: pytest
         return shown
 
     monkeypatch.setattr(answers, "known", known)
-    monkeypatch.setattr(answers, "farthest", lambda q: 1e5)
+    monkeypatch.setattr("handfast.proofs.tolerance.farthest", lambda q: 1e5)
     told: dict[str, Any] = {"holds_from_zero_upper": 4.5, "unproved": [[2.5, 3.0]]}
     one, holes = interval(**told), [(3.0, 4.0)]
     assert answers._ranges_fault(one, holes) == ""

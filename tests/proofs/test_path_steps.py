@@ -30,7 +30,7 @@ from handfast.proofs.question import Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import load_scale
-from handfast.stability.problem.bound_problem import grasp_data
+from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import check, maximum, torques
 

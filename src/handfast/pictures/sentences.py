@@ -90,12 +90,10 @@ def fragile_text(margin: Margin) -> str:
 
 def up_to(answer: Answer) -> str:
     """', with virtual motions up to 10000 N' where a claim is not proved beyond; else ''."""
-    cap = getattr(answer, "motion_cap", None)
-    q = answer.question
-    begins = answer.path.slips_at if isinstance(answer.path, LoadPath) else 1.0
-    of_all = isinstance(answer, MaxAnswer) and not answer.upper > 0 and bool(begins)
-    each = EACH_TIME if of_all and q is not None and (q.homogeneous or not q.has_scalar) else ""
-    return "" if cap is None else f", with virtual motions up to {num(cap)} N{each}"
+    if answer.motion_cap is None:
+        return ""
+    each = EACH_TIME if isinstance(answer, MaxAnswer) and answer.caps_each_time else ""
+    return f", with virtual motions up to {num(answer.motion_cap)} N{each}"
 
 
 def check_sentence(answer: CheckAnswer, load: str) -> str:

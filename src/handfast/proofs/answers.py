@@ -27,7 +27,16 @@ from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question,
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import SEARCH_STOPS, Figure, Refused, Replay
 from handfast.proofs.states import ContactMode, Problem, State, read_state
-from handfast.proofs.tolerance import COMPLETE_CAP, UNBOUNDED_FACTOR, drives, farthest, in_play, motion_size, size_of
+from handfast.proofs.tolerance import (
+    COMPLETE_CAP,
+    UNBOUNDED_FACTOR,
+    drives,
+    farthest,
+    in_play,
+    motion_size,
+    no_magnitude,
+    size_of,
+)
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
@@ -561,7 +570,7 @@ def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
         if len(set(good)) < len(good):
             return "an arc is there twice"
         try:
-            shown = known(good, bad, lower, top, resolution, farthest(q) / 1e4)
+            shown = known(good, bad, lower, top, resolution, no_magnitude(q))
         except ValueError as fault:
             return str(fault)
     above = saved.number("holds_from_zero_upper")

@@ -43,9 +43,6 @@ from handfast.proofs.tolerance import farthest, load_scale, ways
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
 PATH_KEYS = "by_steps", "other_choice", "resolution"  # keys that tell of other paths
-# relative to the load of the last step: by how much the numbers that steps go on from may differ from the states that
-# are proved, all steps together; `DRIFT` is as much
-PATH_DEVIATION = DRIFT
 OTHER_PATHS = f"{', '.join(PATH_KEYS)}: paths of other steps, and of other states where a step has several"
 QUERIES = "check", "max", "torques"
 
@@ -178,8 +175,8 @@ def _problem(step: Step) -> Problem:
 
 
 def may_drift(q: Question, magnitude: float) -> float:
-    """[N] how far all steps together may go on from states that are proved, to a magnitude of the load."""
-    return PATH_DEVIATION * load_scale(q.grasp, magnitude * q.wrench)
+    """[N] how far all steps together may go on from states that are proved, up to a magnitude: as bounds allow."""
+    return DRIFT * load_scale(q.grasp, magnitude * q.wrench)
 
 
 def off_by(p: Problem, found: Proved) -> float:

@@ -122,12 +122,11 @@ def passed_on(R: Array) -> Array:
     One that is held passes torques on between its joints as the entries of its row are. Which are held is not known, so
     this is the most that chains of them can do.
     """
-    size, one = np.abs(R), np.eye(R.shape[-1])
     with np.errstate(divide="ignore"):
-        inverse = np.where(size > 0, 1 / size, 0.0)
-    step: Array = np.max(inverse[..., :, None] * size[..., None, :], axis=-3, initial=0.0)
-    out = step = np.maximum(step, one)
-    for _ in range(int(np.max(((size > 0).sum(axis=-1) > 1).sum(axis=-1), initial=0)) - 1):
+        inverse = np.where(R > 0, 1 / R, 0.0)
+    step: Array = np.max(inverse[..., :, None] * R[..., None, :], axis=-3, initial=0.0)
+    out = step = np.maximum(step, np.eye(R.shape[-1]))
+    for _ in range(int(np.max(((R > 0).sum(axis=-1) > 1).sum(axis=-1), initial=0)) - 1):
         out = np.max(out[..., :, :, None] * step[..., None, :, :], axis=-2)
     return out
 
@@ -149,6 +148,11 @@ def ways(A: Array) -> Array:
 def in_play(q: Question, magnitude: float) -> float:
     """[N] the largest of all forces in play, with the direction at a magnitude."""
     return max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q))
+
+
+def no_magnitude(q: Question) -> float:
+    """A magnitude that counts as none beside what else acts, in ranges of them."""
+    return farthest(q) / 1e4
 
 
 def farthest(q: Question) -> float:

@@ -26,7 +26,8 @@ from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.states import State as StateData
-from handfast.stability.problem.bound_problem import BoundProblem, grasp_data, stated
+from handfast.stability.problem.bound_problem import BoundProblem, stated
+from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF
 from handfast.stability.problem.scaled_problem import ScaledProblem

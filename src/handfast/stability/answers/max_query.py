@@ -101,9 +101,21 @@ class MaxAnswer(Answer):
         return replace(settled, lower=0.0, upper=upper, unbounded=False)
 
     @property
+    def caps_each_time(self) -> bool:
+        """Is `motion_cap` that of each time of the direction, as nothing of it is resisted?"""
+        q = self.question
+        in_proportion = q is not None and (q.homogeneous or not q.has_scalar)
+        return in_proportion and self.upper == 0 and (self.path is None or bool(self._slips_at))
+
+    @property
     def motion_cap(self) -> float | None:
-        cap, at = super().motion_cap, getattr(self.path, "slips_at", None)
-        return cap / at if cap is not None and at and self.upper == 0 else cap
+        cap, at = super().motion_cap, self._slips_at
+        return cap / at if cap is not None and at and self.caps_each_time else cap
+
+    @property
+    def _slips_at(self) -> float | None:
+        """The magnitude at which its path ends; None without one."""
+        return getattr(self.path, "slips_at", None)
 
     @property
     def _bound(self) -> float:

@@ -185,11 +185,9 @@ class ScaledProblem:
         if not len(self.A) or not self.driven.any():
             return STRONGEST
         arms, R = _arms_of_ways(self.equivalent.plain)
-        drives = R[self.driven] > 0
-        farthest = np.where(drives & np.isfinite(arms), arms / np.where(drives, R[self.driven], 1.0), 0.0).max(
-            initial=0.0
-        )
-        return STRONGEST * max(1.0, float(farthest) * self.force / self.command_unit)
+        R = R[self.driven]
+        far = np.where((R > 0) & np.isfinite(arms), arms / np.where(R > 0, R, 1.0), 0.0).max(initial=0.0)
+        return STRONGEST * max(1.0, float(far) * self.force / self.command_unit)
 
     @property
     def command_units(self) -> Array:

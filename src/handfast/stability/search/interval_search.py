@@ -20,7 +20,7 @@ from handfast.core.arrays import Array
 from handfast.proofs import near, ranges
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.ranges import Arc, Known, known
-from handfast.proofs.tolerance import farthest
+from handfast.proofs.tolerance import no_magnitude
 from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, Objective, Range
@@ -127,7 +127,7 @@ class _Magnitudes:
     def known(self, largest: float, upper: float) -> Known:
         """The ranges together."""
         good, bad = [(a.first, a.last) for a in self.arcs], [self._magnitudes(c) for c in self.slips]
-        return known(good, bad, largest, upper, self.settings.gap, farthest(self.question) / 1e4)
+        return known(good, bad, largest, upper, self.settings.gap, no_magnitude(self.question))
 
     def _magnitudes(self, c: Certificate) -> Range:
         """Which slip by a certificate."""

@@ -30,7 +30,7 @@ from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.load_path import AGREE
 from handfast.stability.answers.max_query import ask as maximum
-from handfast.stability.problem.bound_problem import grasp_data
+from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.scaled_problem import unbalanced
 from handfast.stability.problem.settings import INF, Settings
