@@ -807,9 +807,9 @@ def test_a_direction_of_sliding_that_is_not_known_is_met_once_by_each_contact(mo
 
 MODES = Modes(*(np.zeros(k, dtype=np.int64) for k in (1, 1, 0, 0)))
 SHOWN, MISSED, WORSE = (
-    Near(missed, where, MODES, 3.0, 4.0) for missed, where in ((0.5e-9, "(1)"), (2e-9, "(2)"), (3e-9, "(3)"))
+    Near(missed, where, MODES, 3e-7, 4.0) for missed, where in ((0.5e-9, "(1)"), (2e-9, "(2)"), (3e-9, "(3)"))
 )
-EXACT = Proved(True, False, "", 0.0, 0.25, 1.0, 0.5, (0.4, 0.6), MODES)
+EXACT = Proved(True, False, "", 0.0, 2e-7, 1.0, 0.5, (0.4, 0.6), MODES)
 OPEN = Proved(False, False, "no", 0.75)
 
 
@@ -817,9 +817,10 @@ def decided(
     monkeypatch: pytest.MonkeyPatch, unknown: Proved, given: Proved, rough: Near, nearer: Near, p: Problem, **how: float
 ) -> tuple[Proved, list[str]]:
     """What `prove` makes of what is found with the magnitude as an unknown, and without; and what it asked."""
-    asked = []
+    asked, reach = [], how.get("within", 1e-6)  # of 1 N
 
-    def attempts(p: Problem, x: State, tries: int, free: bool = False) -> Proved:
+    def attempts(p: Problem, x: State, tries: int, within: float, free: bool = False) -> Proved:
+        assert within == pytest.approx(reach)
         asked.append(f"{'free' if free else 'fixed'} {tries}")
         return unknown if free else given
 
@@ -841,7 +842,7 @@ def decided(
     ("free", "fixed", "how", "done", "asked"),
     [
         (EXACT, OPEN, {}, EXACT, ["free 16"]),
-        (EXACT, OPEN, {"least": 0.4, "within": 0.25, "tries": 3}, EXACT, ["free 3"]),
+        (EXACT, OPEN, {"least": 0.4, "within": 3e-7, "tries": 3}, EXACT, ["free 3"]),
         (OPEN, EXACT, {"tries": 2}, EXACT, ["free 2", "fixed 2"]),
         (
             EXACT,
@@ -851,7 +852,7 @@ def decided(
             ["free 16", "fixed 16"],
         ),
         (EXACT, OPEN, {"least": 0.41}, None, ["free 16", "fixed 16", "near"]),
-        (EXACT, OPEN, {"within": 0.24}, None, ["free 16", "near"]),
+        (EXACT, OPEN, {"least": 0.41, "within": 2.9e-7}, EXACT, ["free 16", "fixed 16", "near"]),
         (OPEN, OPEN, {}, None, ["free 16", "fixed 16", "near"]),
     ],
 )
@@ -859,20 +860,44 @@ def test_what_is_not_shown_as_asked_may_hold_to_the_tolerance(
     monkeypatch: pytest.MonkeyPatch, free: Proved, fixed: Proved, how: dict, done: Proved | None, asked: list[str]
 ) -> None:
     p, _ = half_under_way()
-    tolerant = Proved(False, True, free.reason, 0.5e-9, 3.0, 4.0, 0.0, (0.5, 0.5), MODES)
+    tolerant = Proved(False, True, free.reason, 0.5e-9, 3e-7, 4.0, 0.0, (0.5, 0.5), MODES)
     assert decided(monkeypatch, free, fixed, SHOWN, WORSE, p, **how) == (done or tolerant, asked)
 
 
 @pytest.mark.parametrize(("rough", "nearer"), [(MISSED, WORSE), (WORSE, MISSED)])
 def test_what_misses_too_much_is_exact_or_nothing(monkeypatch: pytest.MonkeyPatch, rough: Near, nearer: Near) -> None:
     p, _ = half_under_way()
-    found, asked = decided(monkeypatch, EXACT, OPEN, rough, nearer, p, within=0.1)
-    assert (found, asked) == (EXACT, ["free 16", "near", "nearer"])
+    found, asked = decided(monkeypatch, EXACT, OPEN, rough, nearer, p, least=0.41)
+    assert (found, asked) == (EXACT, ["free 16", "fixed 16", "near", "nearer"])
     found, asked = decided(monkeypatch, OPEN, OPEN, rough, nearer, p)
     assert found == Proved(False, False, "no; (2) is missed by 2.0e-09 of the load", 2e-9)
     assert asked == ["free 16", "fixed 16", "near", "nearer"]
     found, _ = decided(monkeypatch, OPEN, OPEN, rough, SHOWN, p)
     assert (found.tolerant, found.residual) == (True, 0.5e-9)
+
+
+def test_what_is_shown_farther_away_is_not_what_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    p, _ = half_under_way()
+    far = "the motion of the state that is proved is 3.0e-07 N from the printed one"
+    for within, shown in ((3e-7, True), (2.9e-7, False)):
+        found, _ = decided(monkeypatch, OPEN, OPEN, SHOWN, WORSE, p, within=within)
+        assert (found.tolerant, found.exact) == (shown, False)
+        assert found.reason == ("no" if shown else f"no; {far}")
+
+
+@pytest.mark.parametrize(
+    ("along", "motion", "shown"),
+    [(0.0, 0.9e-6, True), (0.0, 1.1e-6, False), (0.0, -8000.0, False), (1e3, 0.9e-3, True), (1e3, -1.1e-3, False)],
+)
+def test_motions_that_are_printed_are_those_of_an_exact_state(along: float, motion: float, shown: bool) -> None:
+    """To a millionth of 1 N, or of the largest motion. The joint, which moves nothing, is locked: it moves by 0."""
+    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.0)], [GraspJoint("idle", [0, 1, 0], [0, 0, 0], (), "prismatic")])
+    p, none = problem(grasp, [0, 0, -1.0]), np.zeros(0)
+    r, c = np.array([along, 0, -1.0, 0, 0, 0]), np.array([1.0, 0, 0])
+    x = State(r, np.array([motion]), c, np.zeros(p.grasp.a), none, np.zeros(1), np.zeros(1))
+    done = prove(p, x)
+    assert (done.exact, done.tolerant) == (shown, False)
+    assert shown == (f"the motion of the state that is proved is {abs(motion):.1e} N from" not in done.reason)
 
 
 def test_with_one_try_the_magnitude_is_not_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -883,7 +908,7 @@ def test_with_one_try_the_magnitude_is_not_fixed(monkeypatch: pytest.MonkeyPatch
 
 def test_without_a_magnitude_none_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     p = replace(half_under_way()[0], along=None)
-    found, asked = decided(monkeypatch, EXACT, OPEN, SHOWN, WORSE, p, within=0.1)
+    found, asked = decided(monkeypatch, OPEN, OPEN, SHOWN, WORSE, p)
     assert (found.tolerant, found.magnitude, asked) == (True, None, ["fixed 16", "near"])
 
 
@@ -971,7 +996,13 @@ def of_one_contact(force: float, motion: float, *, off: float = 0.0) -> tuple[Pr
     [(2.0, -2.0, 0.0, 0.0), (2.0 + 1e-6, -2.0, 5e-7, 1.5e-6), (2.0 - 1e-6, -2.25, 5e-7, 0.25 + 2.5e-7)],
 )
 def test_how_far_a_box_is_from_a_state(force: float, motion: float, off: float, radius: float) -> None:
-    assert existence._radius(*of_one_contact(force, motion, off=off)) == pytest.approx(radius, abs=1e-15)
+    asked = of_one_contact(force, motion, off=off)
+    assert existence._radius(*asked, radius) == pytest.approx(radius, abs=1e-15)
+    if radius > 0.1:
+        why = r"^contact 0: the motion of the state that is proved is 2\.5e-01 N from the printed one$"
+        with pytest.raises(NotShown, match=why) as fault:
+            existence._radius(*asked, radius * (1 - 1e-9))
+        assert fault.value.rounding
 
 
 @pytest.mark.parametrize(
@@ -981,10 +1012,10 @@ def test_forces_that_are_proved_are_those_that_are_printed(force: float, off: fl
     """To a millionth of 2 N."""
     asked = of_one_contact(force, -2.0, off=off)
     if not far:
-        assert existence._radius(*asked) > 0
+        assert existence._radius(*asked, np.inf) > 0
         return
     with pytest.raises(NotShown) as fault:
-        existence._radius(*asked)
+        existence._radius(*asked, np.inf)
     assert str(fault.value) == f"contact 0: the force of the state that is proved is {far} N from the printed one"
     assert fault.value.rounding
 
@@ -1001,13 +1032,13 @@ def test_so_many_modes_are_tried(monkeypatch: pytest.MonkeyPatch, tries: int) ->
     contacts = [Contact([0.1 * k, 0, 0], [0, 0, 1], 0.5) for k in range(3)]
     p, tried = problem(Grasp(contacts), [0, 0, 1.0, 0, 0, 0]), []
 
-    def noted(s: System, x: State, residual: float) -> Proved:
+    def noted(s: System, x: State, within: float, residual: float) -> Proved:
         tried.append(s.modes.contact.tolist())
         raise NotShown(f"no {len(tried)}")
 
     monkeypatch.setattr(existence, "_tried", noted)
     x = State.of(p.grasp, np.array([0, 0, -1e-12, 0, 0, 0]), np.zeros(len(p.grasp.rows[0])))
-    found = existence._attempts(p, x, tries)
+    found = existence._attempts(p, x, tries, np.inf)
     assert len(tried) == len({tuple(modes) for modes in tried}) == tries
     assert (found.exact, found.tolerant, found.reason) == (False, False, "no 1")  # of the likeliest
     assert np.isfinite(found.residual)
@@ -1018,7 +1049,7 @@ def test_the_ends_of_a_magnitude_are_rounded_outwards(off: float) -> None:
     p, x = half_under_way()
     s = System.of(p, likeliest(p, x), x, True)
     box = replace(s.box(), magnitude=0.5, magnitude_off=off)
-    done = existence._shown(s, x, box, 0.75)
+    done = existence._shown(s, x, box, 1e-6, 0.75)
     low, high = done.magnitude
     assert low < 0.5 - off
     assert 0.5 + off < high
@@ -1028,10 +1059,10 @@ def test_the_ends_of_a_magnitude_are_rounded_outwards(off: float) -> None:
     assert done.radius < 1e-9
     assert done.motion == pytest.approx(1)
     assert done.margin == pytest.approx(1)  # 1 N presses
-    wide = existence._shown(s, x, replace(box, v_off=np.array([0, 0, 0.25, 0, 0, 0])), 0.75)
+    wide = existence._shown(s, x, replace(box, v_off=np.array([0, 0, 0.25, 0, 0, 0])), 1e-6, 0.75)
     assert wide.motion == pytest.approx(1.25)
     fixed = replace(p, along=None, wrench=p.load)
-    assert existence._shown(System.of(fixed, s.modes, x, False), x, box, 0.0).magnitude is None
+    assert existence._shown(System.of(fixed, s.modes, x, False), x, box, 1e-6, 0.0).magnitude is None
 
 
 def test_a_magnitude_is_polished_with_the_state() -> None:
@@ -1052,7 +1083,7 @@ def test_modes_are_tried_by_how_many_parts_are_not_at_fault(monkeypatch: pytest.
     options = {f"contact {k}": [(i, False) for i in range(3)] for k in (0, 1)}
     tried = []
 
-    def fails(s: SimpleNamespace, x: State, residual: float) -> Proved:
+    def fails(s: SimpleNamespace, x: State, within: float, residual: float) -> Proved:
         tried.append((s.modes, residual))
         raise NotShown("no", "contact 1")
 
@@ -1061,7 +1092,7 @@ def test_modes_are_tried_by_how_many_parts_are_not_at_fault(monkeypatch: pytest.
     made = SimpleNamespace(of=lambda p, modes, x, free: SimpleNamespace(modes=modes, residual=3.0 - sum(modes)))
     monkeypatch.setattr(existence, "System", made)
     monkeypatch.setattr(existence, "_tried", fails)
-    assert existence._attempts(p, x, 20).residual == -1.0
+    assert existence._attempts(p, x, 20, np.inf).residual == -1.0
     modes = [(0, 0), (0, 1), (1, 0), (0, 2), (1, 1), (2, 0), (1, 2), (2, 1), (2, 2)]
     assert tried == [(mode, 3.0 - max(map(sum, modes[: k + 1]))) for k, mode in enumerate(modes)]
 
@@ -1099,9 +1130,9 @@ def test_more_is_tried_in_modes_that_only_rounding_may_spoil(
     monkeypatch.setattr(existence, "_shown", lambda *said: said)
     if not shown:
         with pytest.raises(NotShown, match=r"^no$"):
-            existence._tried(s, x, 0.75)  # type: ignore[arg-type]
+            existence._tried(s, x, 0.5, 0.75)  # type: ignore[arg-type]
         return
-    assert existence._tried(s, x, 0.75) == (there if inside else s, x, shown, 0.75)  # type: ignore[arg-type]
+    assert existence._tried(s, x, 0.5, 0.75) == (there if inside else s, x, shown, 0.5, 0.75)  # type: ignore[arg-type]
 
 
 # --- in the units of the rows ---------------------------------------------------------------------------
@@ -1121,12 +1152,12 @@ def test_how_far_a_box_is_counts_at_the_contacts() -> None:
     p = every_law()
     x, box = at_rest(p)
     motor = np.eye(17)[9]
-    assert existence._radius(p, x, replace(box, d=0.5 * motor)) == pytest.approx(0.125)
-    assert existence._radius(p, x, replace(box, d_off=0.5 * motor)) == pytest.approx(0.125)
-    assert existence._radius(p, x, replace(box, phi=box.phi + 1e-7 * motor)) == pytest.approx(4e-7)
-    assert existence._radius(p, x, replace(box, phi_off=1e-7 * motor)) == pytest.approx(4e-7)
+    assert existence._radius(p, x, replace(box, d=0.5 * motor), 0.2) == pytest.approx(0.125)
+    assert existence._radius(p, x, replace(box, d_off=0.5 * motor), 0.2) == pytest.approx(0.125)
+    assert existence._radius(p, x, replace(box, phi=box.phi + 1e-7 * motor), 0.2) == pytest.approx(4e-7)
+    assert existence._radius(p, x, replace(box, phi_off=1e-7 * motor), 0.2) == pytest.approx(4e-7)
     with pytest.raises(NotShown, match=r"^actuator 'motor': the force of the state that is proved is 2\.4e-06 N from"):
-        existence._radius(p, x, replace(box, phi=box.phi + 6e-7 * motor))
+        existence._radius(p, x, replace(box, phi=box.phi + 6e-7 * motor), 0.2)
 
 
 @pytest.mark.parametrize(("by", "leads"), [(4e-7, True), (6e-7, False)])

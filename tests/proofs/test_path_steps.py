@@ -22,7 +22,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import path_commands, path_steps
 from handfast.proofs.answers import COURSE_KEYS, UNPROVED_STATE
-from handfast.proofs.existence import Proved, prove
+from handfast.proofs.existence import Proved
 from handfast.proofs.fields import BadFile
 from handfast.proofs.grasp import StartData
 from handfast.proofs.path_steps import SavedPath, Step, is_scale_free, near_enough, read_path, replay
@@ -224,12 +224,6 @@ def test_a_bound_says_nothing_of_paths_that_move_farther(monkeypatch: pytest.Mon
     assert re.search(
         r"its path has forces or motions of [12].\d* N, of which its bound says nothing$", replay(path).fault
     )
-
-
-def test_a_state_that_is_proved_farther_away_is_not_gone_on_from(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(path_steps, "prove", lambda *args, **asked: replace(prove(*args, **asked), radius=2e-6))
-    why = fault("across")
-    assert why == "step 0: the state that is proved is 2.0e-06 N from the numbers that the path goes on from"
 
 
 def test_many_steps_do_not_drift_away() -> None:
@@ -586,17 +580,16 @@ def witness(command: float = 1.0, load: float = 2.0) -> Any:
     return SimpleNamespace(command=np.array([command]), wrench=np.array([0, load, 0, 0, 0, 0]), state=STATE.state)
 
 
-@pytest.mark.parametrize(("radius", "near"), [(0.5, True), (0.51, False), (np.nan, False)])
-def test_a_state_is_gone_on_from_where_it_is_proved(radius: float, near: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("near", [True, False])
+def test_a_state_is_gone_on_from_where_it_is_proved(near: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     q = asked(1.0)
     monkeypatch.setattr(path_steps, "near_enough", lambda p, x: 0.5)
     monkeypatch.setattr(
-        path_steps, "prove", lambda p, x, within: replace(PROVED, radius=radius) if within == 0.5 else None
+        path_steps, "prove", lambda p, x, within: replace(PROVED, exact=near, reason="far") if within == 0.5 else None
     )
     step = Step(0.5, q, witness(), None)
     found, part = path_steps._state(2, step)
-    far = f"the state that is proved is {radius:.1e} N from the numbers that the path goes on from"
-    assert (found.radius == radius or radius != radius, part.name, part.reason) == (True, "step 2", "" if near else far)
+    assert (found.exact, part.name, part.reason) == (near, "step 2", "" if near else "far")
     assert part.claim.startswith("0.5 times the load is resisted from the state before")
     assert path_steps._state(0, step)[1].claim.startswith("the commands alone are in balance")
     for other in (witness(command=1.1), witness(load=2.1)):

@@ -33,7 +33,8 @@ from handfast.proofs.states import (
 )
 from handfast.proofs.tolerance import MIN_FORCE_SCALE, MIN_SIZE, TOO_SMALL, UNIT_ROUNDOFF, motion_size
 
-# relative to the forces that act: how far the forces that are proved may be from the printed ones
+# relative to the forces that act: how far the forces that are proved may be from the printed ones; motions, relative to
+# the largest motion where that is more
 FORCE_DEVIATION = 1e-6
 MODE_TRIES = 16  # modes that are tried
 # relative to the forces that act: inequalities kept by less are to be kept by so much
@@ -70,34 +71,36 @@ class Proved:
         return self.magnitude is None or self.magnitude[0] >= least
 
 
-def prove(p: Problem, x: State, least: float = -np.inf, within: float = np.inf, tries: int = MODE_TRIES) -> Proved:
+def prove(p: Problem, x: State, least: float = -np.inf, within: float | None = None, tries: int = MODE_TRIES) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
 
     least: the magnitude that has to be reached; a state with a smaller one is shown only where nothing else is.
-    within: [N] the `radius` asked for. Where motions are not determined an exact state may be farther from x; it is
-        shown only where x itself misses too much.
+    within: [N] the largest `radius` that counts, for motions; without it `FORCE_DEVIATION` of all that is printed.
     tries: modes that are tried, the likeliest first; with one, the magnitude is not fixed where it could be.
     """
     if not (p.scale >= MIN_FORCE_SCALE and p.grasp.size >= MIN_SIZE):
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
+    if within is None:
+        within = FORCE_DEVIATION * max(acting(p, x), motion_size(p.grasp, x.motion))
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
-        done = _attempts(p, x, tries, free=free)
+        done = _attempts(p, x, tries, within, free=free)
         if free and tries > 1 and not (done.exact and done.reaches(least)):
-            fixed = _attempts(p, x, tries)
+            fixed = _attempts(p, x, tries, within)
             done = fixed if fixed.exact else done
-    if (done.exact and done.reaches(least) and done.radius <= within) or not p.granted > 0:
+    if (done.exact and done.reaches(least)) or not p.granted > 0:
         return done
     rough = near(p, x)
     if not rough.shown:
         rough = min(rough, _nearer(p, x, rough.modes), key=lambda found: found.missed)
-    if not rough.shown and done.exact:
+    if rough.shown and rough.changed <= within:
+        at = None if p.along is None else (p.magnitude, p.magnitude)
+        return Proved(False, True, done.reason, rough.missed, rough.changed, rough.motion, 0.0, at, rough.modes)
+    if done.exact:
         return done
-    if not rough.shown:
-        reason = f"{done.reason}; {rough.where} is missed by {rough.missed:.1e} of the load"
-        return replace(done, reason=reason, residual=rough.missed)
-    at = None if p.along is None else (p.magnitude, p.magnitude)
-    return Proved(False, True, done.reason, rough.missed, rough.changed, rough.motion, 0.0, at, rough.modes)
+    missed = f"{rough.where} is missed by {rough.missed:.1e} of the load"
+    reason = f"{done.reason}; {_far('motion', rough.changed) if rough.shown else missed}"
+    return replace(done, reason=reason, residual=rough.missed)
 
 
 def _nearer(p: Problem, x: State, modes: Modes) -> Near:
@@ -115,15 +118,15 @@ def _nearer(p: Problem, x: State, modes: Modes) -> Near:
     return replace(found, changed=found.changed + max(float(apart), moved))
 
 
-def polished(p: Problem, x: State) -> tuple[Problem, State]:
-    """The problem and the state after Newton's method in the likeliest modes; as they are where it fails.
+def polished(p: Problem, x: State, modes: Modes | None = None) -> tuple[Problem, State]:
+    """The problem and the state after Newton's method in some modes, the likeliest ones; as they are where it fails.
 
     For a search, before it reports: the magnitude, if it is an unknown, is solved as well.
     """
-    options = choices(p, x)
+    if modes is None:
+        modes = modes_of(p.grasp, {name: kinds[0] for name, kinds in choices(p, x).items()})
     try:
-        system = System.of(p, modes_of(p.grasp, {name: kinds[0] for name, kinds in options.items()}), x, True)
-        v, forces, magnitude = solution(system)
+        v, forces, magnitude = solution(System.of(p, modes, x, True))
     except NotShown:
         return p, x
     return replace(p, magnitude=magnitude), State.of(p.grasp, v, forces)
@@ -153,7 +156,7 @@ def nearby(p: Problem, x: State, gap: float, until: float = np.inf, thorough: bo
     return p, x
 
 
-def _attempts(p: Problem, x: State, most: int, free: bool = False) -> Proved:
+def _attempts(p: Problem, x: State, most: int, within: float, free: bool = False) -> Proved:
     """Modes that x may have, the likeliest first."""
     options = choices(p, x)
     names, reason, residual = list(options), "", np.inf
@@ -169,7 +172,7 @@ def _attempts(p: Problem, x: State, most: int, free: bool = False) -> Proved:
             modes = modes_of(p.grasp, {name: options[name][k] for name, k in zip(names, chosen, strict=True)})
             system = System.of(p, modes, x, free)
             residual, tries = min(residual, system.residual), tries + 1
-            return _tried(system, x, residual)
+            return _tried(system, x, within, residual)
         except NotShown as fault:
             reason = reason or str(fault)
             if fault.alone:
@@ -182,18 +185,18 @@ def _attempts(p: Problem, x: State, most: int, free: bool = False) -> Proved:
     return Proved(False, False, reason, residual)
 
 
-def _tried(s: System, x: State, residual: float) -> Proved:
+def _tried(s: System, x: State, within: float, residual: float) -> Proved:
     """What is shown in the modes of a system: in floating point, farther inside of them, or in balls."""
     try:
-        return _shown(s, x, s.box(), residual)
+        return _shown(s, x, s.box(), within, residual)
     except NotShown as fault:
         if not fault.rounding or (not s.regular and s.contradictory):
             raise
     try:
         inside = System.of(s.p, s.modes, _inside(s), s.sought)
-        return _shown(inside, x, inside.box(), residual)
+        return _shown(inside, x, inside.box(), within, residual)
     except NotShown:
-        return _shown(s, x, refined(s), residual)
+        return _shown(s, x, refined(s), within, residual)
 
 
 def _inside(s: System) -> State:
@@ -224,10 +227,10 @@ def _inside(s: System) -> State:
     return State.of(p.grasp, s.v + x[:nv], forces)
 
 
-def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
+def _shown(s: System, x: State, box: Box, within: float, residual: float) -> Proved:
     """What a box shows. Raises `NotShown`."""
     p = s.p
-    margin, radius = inequalities(p, s.modes, box), _radius(p, x, box)
+    margin, radius = inequalities(p, s.modes, box), _radius(p, x, box, within)
     off = box.magnitude_off + 4 * UNIT_ROUNDOFF * abs(box.magnitude)
     ends = (box.magnitude - off, box.magnitude + off) if p.along is not None else None
     motion = motion_size(p.grasp, box.v, box.v_off)
@@ -308,16 +311,18 @@ def _said(g: GraspData, name: str, k: int) -> str:
     return f"{name.format('').strip()} '{names[name][k]}'" if name in names else name.format(k)
 
 
-def _radius(p: Problem, x: State, box: Box) -> float:
-    """[N] how far the box is from the floats at most. Raises `NotShown` if that is more than `FORCE_DEVIATION`."""
-    act = acting(p, x)
+def _radius(p: Problem, x: State, box: Box, within: float) -> float:
+    """[N] how far the box is from the floats at most. Raises `NotShown` where that is more than counts, see `prove`."""
     motion = (np.abs(box.d - p.grasp.rows[0] @ x.motion) + box.d_off) / p.grasp.row_units
     force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.grasp.row_units
-    if not force.max() <= FORCE_DEVIATION * act:
-        where = row_name(p, int(np.argmax(force)))
-        reason = f"{where}: the force of the state that is proved is {force.max():.1e} N from the printed one"
-        raise NotShown(reason, rounding=True)
+    for kind, off, most in (("force", force, FORCE_DEVIATION * acting(p, x)), ("motion", motion, within)):
+        if not off.max() <= most:
+            raise NotShown(f"{row_name(p, int(np.argmax(off)))}: {_far(kind, off.max())}", rounding=True)
     return float(max(motion.max(), force.max()))
+
+
+def _far(kind: str, off: float) -> str:
+    return f"the {kind} of the state that is proved is {off:.1e} N from the printed one"
 
 
 def row_name(p: Problem, k: int) -> str:

@@ -17,10 +17,12 @@ from handfast.core.errors import InputError
 from handfast.model.start import Start
 from handfast.proofs.kinds import Row
 from handfast.proofs.rows import Columns, LeafRows, row_values
+from handfast.proofs.states import acting
 from handfast.stability.answers.answer import any_state
 from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.load_path import Follower, StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
+from handfast.stability.problem.bound_problem import stated
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import maximum
@@ -358,10 +360,11 @@ def test_rows_of_certificates_hold_at_the_states_of_a_step() -> None:
 
 
 def test_a_path_goes_on_from_numbers_near_the_state_that_is_proved() -> None:
+    """As near as the forces are, however far it moves."""
     step = check(jaw(), [-0.6, 0.6, 0], loading=FIRST).path.steps[-1]
     assert step.certain
-    assert step._reaches(step.proved)
-    assert not step._reaches(replace(step.proved, radius=1e-3))
+    p, x = step._problem(step.witness), stated(step.witness.state)
+    assert step._within(p, x) == 1e-6 * acting(p, x)
 
 
 @pytest.mark.parametrize(("share", "said"), slow_after(1, [(0.9, "holds"), (1.5, "slips")]))

@@ -23,10 +23,10 @@ UP, HALF, ONE = [0, 1, 0, 0, 0, 0], [0, 0.5, 0, 0, 0, 0], Settings(jobs=1)
 
 
 def spoilt(answer: Answer) -> Answer:
-    """With forces that are 1 % too large, and a motion of the object that is reversed: nothing leads back from it."""
+    """With contacts that pull, and a motion of the object that is reversed: nothing leads back from it."""
     assert answer.found is not None
     state = answer.found.state
-    state = replace(state, c=1.01 * state.c, r=-state.r)
+    state = replace(state, c=-state.c, r=-state.r)
     return replace(answer, found=replace(answer.found, state=state))
 
 

@@ -142,9 +142,9 @@ class Answer(Presented, ABC):
         p, x = self._problem(w), stated(w.state)
         return prove(p, x, least, self._within(p, x), tries)
 
-    def _within(self, p: Problem, x: StateData) -> float:
-        """[N] how near to a state x what is proved is to be, if it can be; of a path as near as each of its steps."""
-        return np.inf if self.path is None else path_steps.near_enough(p, x)
+    def _within(self, p: Problem, x: StateData) -> float | None:
+        """[N] how near to a state x what is proved has to be; of a path as near as each of its steps."""
+        return None if self.path is None else path_steps.near_enough(p, x)
 
     def _problem(self, w: Witness) -> Problem:
         """What a state has to solve."""

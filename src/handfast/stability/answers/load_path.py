@@ -54,22 +54,11 @@ class StepAnswer(Answer):
     query = "check"
 
     @property
-    def certain(self) -> bool:
-        """Is a state proved that is near enough to the one that was found for a path to go on from it?"""
-        known = self._of_found
-        return known is not None and super().certain and self._reaches(known)
-
-    @property
     def _may_move_less(self) -> bool:
         return False  # of the choices among states the path makes its own
 
     def _within(self, p: Problem, x: StateData) -> float:
         return path_steps.near_enough(p, x)
-
-    def _reaches(self, proved: Proved) -> bool:
-        """Is it as near? Else the state that was found is shown."""
-        w = self.found
-        return w is not None and proved.radius <= path_steps.near_enough(self._problem(w), stated(w.state))
 
     def said(self) -> dict[str, Any]:
         return self.state_json()

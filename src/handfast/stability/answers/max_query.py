@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -13,12 +13,10 @@ from handfast.core.answer import SearchLimits, Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.proofs.answers import UPPER_BOUND_FACTOR
-from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.constants import END_TOLERANCE
-from handfast.proofs.existence import MODE_TRIES, Proved, nearby
-from handfast.proofs.newton import NotShown, System
-from handfast.proofs.states import Modes, Problem
+from handfast.proofs.existence import MODE_TRIES, Proved, nearby, polished, prove
+from handfast.proofs.states import Problem
 from handfast.proofs.states import State as StateData
 from handfast.proofs.tolerance import farthest
 from handfast.stability.answers.answer import Answer, finite, state_json
@@ -130,19 +128,29 @@ class MaxAnswer(Answer):
         lower = known if known.reason else self._proved(w, -INF)  # without one, a smaller one exists exactly
         if lower.exact and lower.magnitude is not None and lower.magnitude[0] >= max(self.lower - room / 10, 0.0):
             return replace(self, lower=lower.magnitude[0])
-        before = stated(w.state)
-        p, x = nearby(self._problem(w), before, room, until, thorough=not known.tolerant)
-        if x is before:
-            return self
-        at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
-        shown = self._proved(at, -INF)
-        if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
-            at = replace(at, state=_state(_in_modes(p, x, shown.modes)))
+        for p, x in self._near_by(w, room, until, thorough=not known.tolerant):
+            at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
             shown = self._proved(at, -INF)
-        if not shown.exact:
-            return self
-        better = replace(self, found=at)
-        return replace(better, lower=min(self.lower, p.magnitude * (1 - MAGNITUDE_TOLERANCE)))
+            if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
+                y = polished(replace(p, wrench=p.load, along=None), x, shown.modes)[1]
+                at = replace(at, state=_state(y))
+                shown = self._proved(at, -INF)
+            if shown.exact:
+                less = p.magnitude * (1 - MAGNITUDE_TOLERANCE)
+                return replace(self, found=at, lower=min(self.lower, less))
+        return self
+
+    def _near_by(self, w: Witness, room: float, until: float, thorough: bool) -> Iterator[tuple[Problem, StateData]]:
+        """Problems and states near one that is not proved: an exact one that moves otherwise; smaller magnitudes."""
+        p, x = self._problem(w), stated(w.state)
+        far = prove(p, x, within=INF)
+        if far.exact:
+            other, y = polished(p, x, far.modes)
+            if other.magnitude >= p.magnitude - room / 10:
+                yield other, y
+        other, y = nearby(p, x, room, until, thorough)
+        if y is not x:
+            yield other, y
 
     def _proved(self, w: Witness, least: float | None = None, tries: int = MODE_TRIES) -> Proved:
         return super()._proved(w, self.lower if least is None else least, tries)
@@ -235,15 +243,6 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
 def _state(x: StateData) -> State:
     """The same state, as the engine has it."""
     return State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
-
-
-def _in_modes(p: Problem, x: StateData, modes: Modes) -> StateData:
-    """The state of a magnitude in given modes, by Newton's method; x where it fails."""
-    try:
-        v, forces, _ = solution(System.of(replace(p, wrench=p.load, along=None), modes, x, True))
-    except NotShown:
-        return x
-    return StateData.of(p.grasp, v, forces)
 
 
 def max_goal(p: ScaledProblem) -> Objective:
