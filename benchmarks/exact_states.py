@@ -32,10 +32,11 @@ from handfast import load_grasp
 from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.proofs.existence import Proved, nearby, prove
+from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import to_dict
+from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.grasp_limits import NO_LIMITS
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
@@ -81,22 +82,21 @@ def problem(w: Witness, along: Array | None, magnitude: float, base: Array, opti
 
 
 def proved(
-    w: Witness, along: Array | None, magnitude: float, base: Array, options: dict[str, Any], gap: float = 0.0
+    answer: Answer, along: Array | None, magnitude: float, base: Array, options: dict[str, Any]
 ) -> tuple[Proved, float]:
-    """What is proved of a witness, and the time [s] that it takes with the grasp already read.
+    """What is proved of an answer's witness, and the time [s] that it takes with the grasp already read.
 
-    What is not exact is asked again as a search does before it reports: near it, with the magnitude up to a tenth of
-    the gap lower.
+    What is not exact is settled as an answer is before it is told.
     """
+    w = answer.witness
+    assert w is not None
     x = w.state
     state = State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
     asked = problem(w, along, magnitude, base, options)
     start = time.process_time()
     out = prove(asked, state)
     took = time.process_time() - start
-    if not out.exact:
-        out = prove(*nearby(asked, state, gap if along is not None else 0.0))
-    return out, took
+    return (out if out.exact else answer.settled().proved or out), took
 
 
 def rows_of(
@@ -114,8 +114,7 @@ def rows_of(
         # where there is no magnitude to speak of the witness is about the base load itself, or about any multiple
         scaled = np.isfinite(most.lower) and np.allclose(most.witness.wrench, base + most.lower * direction)
         along = direction if scaled and most.lower > 0 else None
-        gap = min(most.upper - most.lower, most.lower)
-        result, took = proved(most.witness, along, most.lower if along is not None else 0.0, base, options, gap)
+        result, took = proved(most, along, most.lower if along is not None else 0.0, base, options)
         yield about | {"asked": "maximum", "search": seconds, "proof": took} | said(result)
         lower = most.lower if np.isfinite(most.lower) else most.posed.problem.unit_magnitude if most.posed else 1.0
         loads = [*loads, *(base + share * lower * direction for share in SHARES if lower > 0)]
@@ -124,7 +123,7 @@ def rows_of(
         answer = check(grasp, load, settings=settings, **rest)
         seconds = time.process_time() - start
         if answer.witness is not None:
-            result, took = proved(answer.witness, None, 0.0, base, options)
+            result, took = proved(answer, None, 0.0, base, options)
             yield about | {"asked": "check", "search": seconds, "proof": took} | said(result)
 
 

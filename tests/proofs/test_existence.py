@@ -21,6 +21,7 @@ from handfast.proofs.existence import (
     REQUIRED_SLACK,
     Proved,
     _inside,
+    exactly,
     inequalities,
     nearby,
     polished,
@@ -885,19 +886,32 @@ def test_what_is_shown_farther_away_is_not_what_is_printed(monkeypatch: pytest.M
         assert found.reason == ("no" if shown else f"no; {far}")
 
 
+def idle(motion: float, along: float = 0.0) -> tuple[Problem, State]:
+    """1 N presses, the object slides without friction; a joint that moves nothing, and is locked, moves."""
+    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.0)], [GraspJoint("idle", [0, 1, 0], [0, 0, 0], (), "prismatic")])
+    p, none = problem(grasp, [0, 0, -1.0]), np.zeros(0)
+    r, c = np.array([along, 0, -1.0, 0, 0, 0]), np.array([1.0, 0, 0])
+    return p, State(r, np.array([motion]), c, np.zeros(p.grasp.a), none, np.zeros(1), np.zeros(1))
+
+
 @pytest.mark.parametrize(
     ("along", "motion", "shown"),
     [(0.0, 0.9e-6, True), (0.0, 1.1e-6, False), (0.0, -8000.0, False), (1e3, 0.9e-3, True), (1e3, -1.1e-3, False)],
 )
 def test_motions_that_are_printed_are_those_of_an_exact_state(along: float, motion: float, shown: bool) -> None:
-    """To a millionth of 1 N, or of the largest motion. The joint, which moves nothing, is locked: it moves by 0."""
-    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], 0.0)], [GraspJoint("idle", [0, 1, 0], [0, 0, 0], (), "prismatic")])
-    p, none = problem(grasp, [0, 0, -1.0]), np.zeros(0)
-    r, c = np.array([along, 0, -1.0, 0, 0, 0]), np.array([1.0, 0, 0])
-    x = State(r, np.array([motion]), c, np.zeros(p.grasp.a), none, np.zeros(1), np.zeros(1))
-    done = prove(p, x)
+    """To a millionth of 1 N, or of the largest motion."""
+    done = prove(*idle(motion, along))
     assert (done.exact, done.tolerant) == (shown, False)
     assert shown == (f"the motion of the state that is proved is {abs(motion):.1e} N from" not in done.reason)
+
+
+def test_an_exact_state_that_moves_otherwise() -> None:
+    p, x = idle(-8000.0)
+    at, y = exactly(p, x)
+    assert (at.magnitude, y.q.tolist(), y.r.tolist()) == (0.0, [0.0], x.r.tolist())
+    assert prove(at, y).exact
+    off = altered(x, c=1.1 * x.c)  # other forces
+    assert exactly(p, off) == (p, off)
 
 
 def test_with_one_try_the_magnitude_is_not_fixed(monkeypatch: pytest.MonkeyPatch) -> None:

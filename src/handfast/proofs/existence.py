@@ -132,6 +132,12 @@ def polished(p: Problem, x: State, modes: Modes | None = None) -> tuple[Problem,
     return replace(p, magnitude=magnitude), State.of(p.grasp, v, forces)
 
 
+def exactly(p: Problem, x: State) -> tuple[Problem, State]:
+    """An exact state with the same forces, however far its motions are from x; as they are where none is proved."""
+    far = prove(p, x, within=np.inf)
+    return polished(p, x, far.modes) if far.exact else (p, x)
+
+
 def nearby(p: Problem, x: State, gap: float, until: float = np.inf, thorough: bool = True) -> tuple[Problem, State]:
     """The problem and state nearest to x, with the magnitude at most a tenth of the gap lower, that is proved to exist.
 

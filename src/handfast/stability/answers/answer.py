@@ -20,13 +20,13 @@ from handfast.core.files import write_text
 from handfast.core.presented import Presented
 from handfast.proofs import answers, path_steps
 from handfast.proofs.certificate import Certificate, proof_to_dict
-from handfast.proofs.existence import MODE_TRIES, Proved, prove
+from handfast.proofs.existence import MODE_TRIES, Proved, exactly, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.states import State as StateData
-from handfast.stability.problem.bound_problem import BoundProblem, stated
+from handfast.stability.problem.bound_problem import BoundProblem, as_state, stated
 from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF
@@ -163,8 +163,11 @@ class Answer(Presented, ABC):
         A bound that is proved for motions inside a small cap is none that is complete: `proofs.answers.cap_fault`.
         until: [s] of `time.monotonic`, from which on none is looked for in place of a witness that is not exact.
         """
-        out = self._with_proof()
-        cap = self.proof.cap if self.proof else None
+        return self._with_proof()._exactly(until)._judged(until)
+
+    def _judged(self, until: float) -> Self:
+        """What is left of it, with what is proved of what was found as it is."""
+        out, cap = self, self.proof.cap if self.proof else None
         # what is shown may move far less than what was found
         if (
             cap is not None
@@ -178,6 +181,15 @@ class Answer(Presented, ABC):
             return out
         stop = Stop.TIME if time.monotonic() > until else Stop.NUMERICAL
         return replace(out, verdict=Verdict.UNDECIDED, stop=stop, found=None)
+
+    def _exactly(self, until: float) -> Self:
+        """With a state that exists exactly, where one is near, or differs by motions that nothing determines."""
+        known, w = self._of_found, self.found
+        if known is None or w is None or known.exact or not self._may_move_less:
+            return self
+        x = exactly(self._problem(w), stated(w.state))[1]
+        at = replace(w, state=as_state(x))
+        return replace(self, found=at) if self._proved(at).exact else self
 
     def _with_proof(self) -> Self:
         """Itself, with what is proved of the state that was found.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,14 +15,12 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.answers import UPPER_BOUND_FACTOR
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.constants import END_TOLERANCE
-from handfast.proofs.existence import MODE_TRIES, Proved, nearby, polished, prove
-from handfast.proofs.states import Problem
-from handfast.proofs.states import State as StateData
+from handfast.proofs.existence import MODE_TRIES, Proved, exactly, nearby, polished
 from handfast.proofs.tolerance import farthest
 from handfast.stability.answers.answer import Answer, finite, state_json
 from handfast.stability.answers.load_path import LoadPath, StepAnswer, comes_after, path_end
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import BoundProblem, stated
+from handfast.stability.problem.bound_problem import BoundProblem, as_state, stated
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.model import State
@@ -86,13 +84,12 @@ class MaxAnswer(Answer):
             return 0.0
         return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
 
-    def settled(self, until: float = INF) -> MaxAnswer:
+    def _judged(self, until: float) -> MaxAnswer:
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
-        out = self._with_proof()._exactly(until)
-        known = out._of_found
+        out, known = self, self._of_found
         if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
             out = replace(out, lower=max(known.magnitude[0], 0.0))
-        settled = Answer.settled(out, until)
+        settled = Answer._judged(out, until)
         if settled.verdict is out.verdict:
             return settled
         upper = settled.upper if settled.proof else INF
@@ -128,29 +125,22 @@ class MaxAnswer(Answer):
         lower = known if known.reason else self._proved(w, -INF)  # without one, a smaller one exists exactly
         if lower.exact and lower.magnitude is not None and lower.magnitude[0] >= max(self.lower - room / 10, 0.0):
             return replace(self, lower=lower.magnitude[0])
-        for p, x in self._near_by(w, room, until, thorough=not known.tolerant):
-            at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
+        smaller = partial(nearby, gap=room, until=until, thorough=not known.tolerant)
+        before, asked = stated(w.state), self._problem(w)
+        for other in (exactly, smaller):
+            p, x = other(asked, before)
+            if x is before or p.magnitude < asked.magnitude - room / 10:
+                continue
+            at = Witness(w.grasp, p.load, as_state(x), w.eta, w.mdp)
             shown = self._proved(at, -INF)
             if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
                 y = polished(replace(p, wrench=p.load, along=None), x, shown.modes)[1]
-                at = replace(at, state=_state(y))
+                at = replace(at, state=as_state(y))
                 shown = self._proved(at, -INF)
             if shown.exact:
                 less = p.magnitude * (1 - MAGNITUDE_TOLERANCE)
                 return replace(self, found=at, lower=min(self.lower, less))
         return self
-
-    def _near_by(self, w: Witness, room: float, until: float, thorough: bool) -> Iterator[tuple[Problem, StateData]]:
-        """Problems and states near one that is not proved: an exact one that moves otherwise; smaller magnitudes."""
-        p, x = self._problem(w), stated(w.state)
-        far = prove(p, x, within=INF)
-        if far.exact:
-            other, y = polished(p, x, far.modes)
-            if other.magnitude >= p.magnitude - room / 10:
-                yield other, y
-        other, y = nearby(p, x, room, until, thorough)
-        if y is not x:
-            yield other, y
 
     def _proved(self, w: Witness, least: float | None = None, tries: int = MODE_TRIES) -> Proved:
         return super()._proved(w, self.lower if least is None else least, tries)
@@ -238,11 +228,6 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
 
     shown = resisted(p, goal, answer.lower, answer.upper, least(answer.witness), settings, least)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
-
-
-def _state(x: StateData) -> State:
-    """The same state, as the engine has it."""
-    return State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
 
 
 def max_goal(p: ScaledProblem) -> Objective:

@@ -24,6 +24,11 @@ def stated(s: State) -> StateData:
     return StateData(s.r, s.q, s.c, s.f, s.coupling, s.reaction, s.torsion)
 
 
+def as_state(x: StateData) -> State:
+    """The same state, as the engine has it."""
+    return State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+
+
 @dataclass(frozen=True, eq=False)
 class BoundProblem:
     """What a search is asked: the scaled problem, and what is sought.
