@@ -14,6 +14,7 @@ import pytest
 
 from handfast.proofs import files
 from handfast.proofs.certificate import Certificate, file_to_dict
+from handfast.proofs.grasp import read_grasp
 from handfast.proofs.replay import Replay
 from handfast.proofs.tolerance import COMPLETE_CAP
 from handfast.stability.problem.loads import Loads
@@ -248,21 +249,23 @@ PLAN_LOADS = {"up": [0.0, 1.0, 0, 0, 0, 0], "side": [0.2, 0.0, 0, 0, 0, 0]}
 
 
 @cache
-def held_text(verdict: str = "holds") -> str:
+def held_text(verdict: str = "holds", friction: float = 0.5) -> str:
     """A pinch that holds both loads under one preload, or does not within a limit of commands."""
     loads = Loads(tuple(PLAN_LOADS), np.array(list(PLAN_LOADS.values())))
-    answer = hold(pinch(), loads, command_limit=None if verdict == "holds" else 0.04)
+    answer = hold(pinch(friction), loads, command_limit=None if verdict == "holds" else 0.04)
     assert answer.verdict == verdict
     return json.dumps(answer.to_file())
 
 
 def planned(written, **files_by_name: Any) -> dict[str, Any]:
     """The files of a plan of one grasp and one that is kept besides; by name others."""
-    held = json.loads(held_text())
-    grasp = held["question"]["grasp"] | {"preload": held["answer"]["preload"]}
-    entry = {"hold_file": "a.json", "grasp_file": "g.json"}
-    plan = {"grasps": [entry], "others": [entry | {"hold_file": "b.json"}], "loads": PLAN_LOADS, "x": 1}
-    made = {"plan": plan, "a": held, "b": held, "g": grasp} | files_by_name
+    held = {name: json.loads(held_text(friction=mu)) for name, mu in (("a", 0.5), ("b", 0.6))}
+    grasps = {
+        name: data["question"]["grasp"] | {"preload": data["answer"]["preload"]}
+        for name, data in zip("gh", held.values(), strict=True)
+    }
+    one, two = ({"hold_file": f"{a}.json", "grasp_file": f"{g}.json"} for a, g in ("ag", "bh"))
+    made = {"plan": {"grasps": [one], "others": [two], "loads": PLAN_LOADS, "x": 1}} | held | grasps | files_by_name
     for name, data in made.items():
         written(json.dumps(data), f"{name}.json")
     return made
@@ -285,7 +288,7 @@ def test_a_plan_is_of_holds_of_its_own_grasps_and_loads(written, tmp_path: Path)
     slips = json.loads(held_text("slips"))
     made = planned(written, b=slips)
     assert files.verify(slips).ok
-    assert files.verify_path(tmp_path).reason == "b.json: it does not say that g.json holds"
+    assert files.verify_path(tmp_path).reason == "b.json: it does not say that h.json holds"
     contacts = [made["g"]["contacts"][0] | {"friction": 0.9}, *made["g"]["contacts"][1:]]
     planned(written, g=made["g"] | {"contacts": contacts})
     assert files.verify_path(tmp_path).reason == "a.json: it is about another grasp than g.json"
@@ -301,6 +304,22 @@ def test_a_plan_is_of_holds_of_its_own_grasps_and_loads(written, tmp_path: Path)
     planned(written, plan={key: x for key, x in made["plan"].items() if key != "loads"})
     with refused("is missing", "plan.json.loads"):
         files.verify_path(tmp_path)
+
+
+def test_a_grasp_is_in_a_plan_once(written, tmp_path: Path) -> None:
+    """Not under another name either; with other commands it is another one."""
+    made = planned(written)
+    more = json.loads(held_text())
+    planned(written, b=more, h=made["g"] | {"name": "other"})
+    assert files.verify_path(tmp_path).reason == "b.json: h.json is a grasp that the plan has before"
+    planned(written, plan=made["plan"] | {"others": made["plan"]["grasps"]})
+    assert files.verify_path(tmp_path).reason == "a.json: g.json is a grasp that the plan has before"
+    names = {"hold_file": "a.json", "grasp_file": "g.json"}
+    grasp, loads = read_grasp(made["g"], "g"), {name: np.array(w) for name, w in PLAN_LOADS.items()}
+    for times, again in ((2.0, False), (1.0, True)):
+        known = [grasp.with_command(times * grasp.command)]
+        assert bool(files._planned(tmp_path, files.Fields(names), loads, known).reason) == again
+        assert len(known) == 2
 
 
 def test_numbers_that_cannot_be_judged(said: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from handfast.proofs import (
     synthesis,
 )
 from handfast.proofs.fields import Array, BadFile, Fields
-from handfast.proofs.grasp import read_grasp
+from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.replay import Replay
 
 PLAN_FILE = "plan.json"
@@ -93,7 +93,8 @@ def verify_path(path: str | Path) -> Replay:
         raise BadFile("names no grasps", plan.at("grasps"))
     asked = plan.object("loads") if entries else Fields({})
     loads = {name: asked.numbers(name, (6,)) for name in asked.names()}
-    parts = [_planned(path, entry, loads) for entry in entries]
+    known: list[GraspData] = []
+    parts = [_planned(path, entry, loads, known) for entry in entries]
     if plan.has("contacts_file"):
         name, data = _of_folder(path, plan, "contacts_file", few_contacts.SCHEMA)
         parts.append(Replay(name, parts=(verify(data, name),)))
@@ -116,8 +117,11 @@ def _of_folder(folder: Path, f: Fields, key: str, schema: str) -> tuple[str, Any
     return name, data
 
 
-def _planned(folder: Path, entry: Fields, loads: Mapping[str, Array]) -> Replay:
-    """That a grasp of a plan holds the plan's loads, (6,) [N, N m] by name, under the preload in its file."""
+def _planned(folder: Path, entry: Fields, loads: Mapping[str, Array], known: list[GraspData]) -> Replay:
+    """That a grasp of a plan holds the plan's loads, (6,) [N, N m] by name, under the preload in its file.
+
+    known: the plan's grasps before; it becomes one of them.
+    """
     name, data = _of_folder(folder, entry, "hold_file", holds.SCHEMA)
     saved, proved = holds.read_hold(data, name), verify(data, name)
     of_file, data = _of_folder(folder, entry, "grasp_file", "handfast/grasp/1")
@@ -130,6 +134,9 @@ def _planned(folder: Path, entry: Fields, loads: Mapping[str, Array]) -> Replay:
         fault = f"it is about another grasp than {of_file}"
     elif any((grasp.command != check.question.grasp.command).any() for check in saved.checks.values()):
         fault = f"it is about another preload than that of {of_file}"
+    elif any(grasp.same_but_commands(other) and (grasp.command == other.command).all() for other in known):
+        fault = f"{of_file} is a grasp that the plan has before"
+    known.append(grasp)
     return Replay(name, "", fault, parts=(proved,))
 
 
