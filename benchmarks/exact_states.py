@@ -34,7 +34,7 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import read_grasp
-from handfast.proofs.states import Problem, State
+from handfast.proofs.states import Problem
 from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem.grasp_limits import NO_LIMITS
@@ -90,11 +90,9 @@ def proved(
     """
     w = answer.witness
     assert w is not None
-    x = w.state
-    state = State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
     asked = problem(w, along, magnitude, base, options)
     start = time.process_time()
-    out = prove(asked, state)
+    out = prove(asked, w.state)
     took = time.process_time() - start
     return (out if out.exact else answer.settled().proved or out), took
 

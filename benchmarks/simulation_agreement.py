@@ -36,13 +36,14 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
+from handfast.proofs.states import State
 from handfast.simulation.result import Ending, SimulationResult
 from handfast.simulation.simulate import Loading, force_unit, simulate
 from handfast.simulation.twin import TWIN_STIFFNESS
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.answers.max_query import with_interval
 from handfast.stability.problem.judge import residuals
-from handfast.stability.problem.model import State, joint_torques
+from handfast.stability.problem.model import joint_torques, state_of
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.margin_search import margin
 from handfast.stability.studies.questions import check, maximum
@@ -109,12 +110,12 @@ def seen(grasp: Grasp, found: SimulationResult, share: float) -> dict[str, Any]:
     out: dict[str, Any] = {"ending": str(found.ending), "rate": float(f"{found.rate / grasp.size:.4g}")}
     out["onset"] = None if found.onset is None else round(share * found.onset, 4)
     if found.ending in RESTS:
-        missed = asdict(residuals(grasp, found.wrench, state_of(grasp, found)))
+        missed = asdict(residuals(grasp, found.wrench, rest_state(grasp, found)))
         out["missed"] = {name: round(value, 5) for name, value in missed.items()}
     return out
 
 
-def state_of(grasp: Grasp, found: SimulationResult) -> State:
+def rest_state(grasp: Grasp, found: SimulationResult) -> State:
     """Where a simulation rests, as the state of the model that it would be."""
     newtons = force_unit(grasp, found.wrench) * TWIN_STIFFNESS / grasp.size  # [N/m] of every contact
     turn = found.turn[-1]
@@ -125,7 +126,7 @@ def state_of(grasp: Grasp, found: SimulationResult) -> State:
     held = np.vstack([grasp.mechanism.R, grasp.mechanism.A])
     carried = np.linalg.lstsq(held.T, joint_torques(grasp, c), rcond=None)[0]
     f, coupling = carried[: grasp.mechanism.a], carried[grasp.mechanism.a :]
-    return State(newtons * np.r_[shift, turn], newtons * q, c, f, coupling)
+    return state_of(newtons * np.r_[shift, turn], newtons * q, c, f, coupling)
 
 
 def outcome(row: dict[str, Any]) -> str:

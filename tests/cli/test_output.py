@@ -15,7 +15,7 @@ from rich.console import Console
 from handfast.cli.console import table
 from handfast.cli.tables import show_witness
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 from handfast.stability.problem.witness import Witness
 from handfast.stability.studies.questions import check
 from tests.support.soft_fingers import TORSION, coin
@@ -75,7 +75,7 @@ def test_no_word_of_a_table_is_broken() -> None:
 def test_the_share_of_the_limit_is_that_of_friction_and_torsion_together(torsion: float, shares: list[str]) -> None:
     """3 N of friction and 0.032 N m of torsion, 4 N over the lever of 8 mm, are 5 N: all that mu times 10 N allows."""
     c, twist = np.array([10.0, 3, 0, 10, 0, -1]), np.array([0.032, 0.0]) if torsion else np.zeros(2)
-    state = State([0, 0, -10, 0, 0, 0], [20], c, [10], [], torsion=twist)
+    state = state_of([0, 0, -10, 0, 0, 0], [20], c, [10], [], torsion=twist)
     grasp = coin(torsion, half=1e-2)
     to = Console(file=io.StringIO(), width=160)
     show_witness(to, Witness(grasp, np.zeros(6), state, 0.0, True))

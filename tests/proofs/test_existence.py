@@ -40,7 +40,7 @@ from handfast.readers.grasp_file import load_grasp
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.studies.questions import check, maximum
 from tests.support.every_law import every_law
-from tests.support.exact_states import data, moved, problem, state
+from tests.support.exact_states import data, moved, problem
 from tests.support.law_grasps import DOWN, jaw
 
 HALF = 0.5  # of the largest magnitude
@@ -59,7 +59,7 @@ def held(grasp, load, **options):
     limits = options.pop("limits", GraspLimits())
     most = np.inf if limits.force_limit is None else limits.force_limit
     asked = {"eta": limits.eta, "limits": limits.torque_limits, "force_limit": most} | options
-    return problem(grasp, load, **asked), state(answer.witness.state)
+    return problem(grasp, load, **asked), answer.witness.state
 
 
 def of_family(family, k=0):
@@ -88,12 +88,12 @@ def test_the_lower_bound_of_a_maximum_is_proved_with_the_magnitude_among_the_unk
     along = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     most = maximum(grasp, along)
     p = replace(problem(grasp, np.zeros(6)), along=along, magnitude=most.lower)
-    done = prove(p, state(most.witness.state))
+    done = prove(p, most.witness.state)
     assert done.exact, done.reason
     first, last = done.magnitude
     assert last - first < 1e-6 * most.lower
     assert abs(first - most.lower) < 1e-6 * most.lower
-    below, better = nearby(p, state(most.witness.state), most.upper - most.lower)
+    below, better = nearby(p, most.witness.state, most.upper - most.lower)
     assert most.lower - below.magnitude <= (most.upper - most.lower) / 10 + 1e-9
     assert prove(below, better).exact
 

@@ -265,7 +265,7 @@ def test_the_judge_sees_the_law_itself(changed: Mapping[str, Any], right: bool) 
 def test_nothing_moves_into_a_stop(stop: str) -> None:
     grasp = jaw(stop=stop)
     into = np.array([0.1 if stop == "upper" else -0.1])
-    state = model.State(np.zeros(6), into, np.zeros(6), np.zeros(0), np.zeros(0))
+    state = model.state_of(np.zeros(6), into, np.zeros(6), np.zeros(0), np.zeros(0))
     assert judge.residuals(grasp, NOTHING, state).reactions == pytest.approx(0.01)
     away = replace(state, q=-into)
     assert judge.residuals(grasp, NOTHING, away).reactions == 0.0

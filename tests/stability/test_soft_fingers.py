@@ -19,7 +19,7 @@ from handfast.proofs import checker
 from handfast.readers.grasp_file import from_dict, load_grasp, save_grasp, to_dict
 from handfast.stability.problem import judge, model
 from handfast.stability.problem.grasp_limits import GraspLimits
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.batch import check_many, max_many
 from handfast.stability.studies.margin_search import margin
@@ -112,7 +112,7 @@ def test_energy() -> None:
     turn, N = 3.0, SQUEEZE
     c = np.array([N, 0, 0, N, 0, 0])
     torsion = np.array([1.0, -1.0]) * TORSION * N  # about the normals, against the turning of the object about +z
-    state = State([0, 0, -N, 0, 0, turn], [2 * N], c, [N], [], torsion=torsion)
+    state = state_of([0, 0, -N, 0, 0, turn], [2 * N], c, [N], [], torsion=torsion)
     load = np.array([0, 0, 0, 0, 0, LARGEST_TORQUE])
     assert judge.residuals(g, load, state).worst < 1e-12
     e = model.energy(g, load, state)
@@ -132,7 +132,7 @@ def test_energy() -> None:
 def test_point_contacts_carry_no_torsion() -> None:
     g = coin(torsion=0.0)
     c = np.array([SQUEEZE, 0, 0, SQUEEZE, 0, 0])
-    twisted = State(np.zeros(6), [0.0], c, [SQUEEZE], [], torsion=[1e-3, 0.0])
+    twisted = state_of(np.zeros(6), [0.0], c, [SQUEEZE], [], torsion=[1e-3, 0.0])
     assert judge.residuals(g, np.zeros(6), twisted).cone > 1e-3
     with pytest.raises(InputError, match="cannot be balanced by any forces at these 2 contacts"):
         check(g, [0, 0, 0, 0, 0, 1e-3])

@@ -11,17 +11,11 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.problem import model
 
 
 def data(grasp: Grasp) -> GraspData:
     """The grasp as its file says it, with its commands."""
     return read_grasp(to_dict(grasp), "grasp").with_command(np.array(grasp.command))
-
-
-def state(x: model.State) -> State:
-    """A state of the search."""
-    return State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
 
 
 def problem(grasp: Grasp, wrench: Any, *, eta: float = 0.0, limits: Any = None, **rest: Any) -> Problem:

@@ -8,8 +8,9 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.proofs.states import State
 from handfast.stability.problem import model
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 
 X, Y, Z = np.eye(3)
 
@@ -146,4 +147,4 @@ def solved(seed: int, m: int = 3, eta: float = 0.0, stick: bool = True) -> Solve
         moving = moving & (tau > 1e-6)
     command = np.where(moving, tau, np.where((tau > 1e-6) & (rng.random(3) < 0.5), 0.7 * tau, 0.0))
     grasp = grasp.with_preload(command)
-    return Solved(grasp, -grasp.G @ c, State(r, q, c, tau, np.zeros(0)), eta)
+    return Solved(grasp, -grasp.G @ c, state_of(r, q, c, tau, np.zeros(0)), eta)

@@ -17,8 +17,8 @@ from handfast.model.grasp import Grasp
 from handfast.papers import mixed_integer_solvers
 from handfast.papers.friction_relaxation import MOTION_BOUND
 from handfast.papers.mixed_integer import INF, MixedIntegerProgram, Solver, SolverStatus, Term
+from handfast.proofs.states import State
 from handfast.stability.problem import judge, scaled_problem
-from handfast.stability.problem.model import State
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
 MIN_SLIDING = 1e-6  # of the force scale: motions and forces above have a direction

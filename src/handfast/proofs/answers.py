@@ -51,7 +51,7 @@ OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys
 
 
 @dataclass(frozen=True, eq=False)
-class Witness:
+class SavedWitness:
     """A state and what it answers for: wrench (6,) and commands (a,)."""
 
     wrench: Array
@@ -72,7 +72,7 @@ class SavedAnswer:
 
     question: Question
     said: Mapping[str, Any]
-    witness: Witness | None
+    witness: SavedWitness | None
     certificate: Certificate | None
     arcs: tuple[ranges.Arc, ...] = ()
     slips: tuple[Certificate, ...] = ()
@@ -115,19 +115,19 @@ def read_said(f: Fields, queries: Collection[str]) -> Mapping[str, Any]:
     return dict(answer)
 
 
-def read_proofs(f: Fields, q: Question) -> tuple[Witness | None, Certificate | None]:
+def read_proofs(f: Fields, q: Question) -> tuple[SavedWitness | None, Certificate | None]:
     """What is in a file for and against a question; None for what is not there, or null. Raises `BadFile`."""
     witness = _read_witness(f.object("witness"), q) if f.has("witness") else None
     place = f.at("certificate")
     return witness, read_certificate(f.take("certificate"), place, q) if f.has("certificate") else None
 
 
-def _read_witness(f: Fields, q: Question) -> Witness:
+def _read_witness(f: Fields, q: Question) -> SavedWitness:
     wrench, by_name = f.numbers("wrench", (6,)), f.named("command")
     if set(by_name) != set(q.grasp.actuators):
         raise BadFile(f"are not those of the actuators {', '.join(q.grasp.actuators)}", f.at("command"))
     command = q.grasp.commands(by_name, f.at("command"))
-    witness = Witness(wrench, command, read_state(f, q.grasp))
+    witness = SavedWitness(wrench, command, read_state(f, q.grasp))
     f.done()
     return witness
 
@@ -281,7 +281,7 @@ Refuted = tuple[str, float, Range]  # claim, magnitude of the direction, range o
 class Query:
     """`check`: does the grasp resist the load?"""
 
-    def held(self, saved: SavedAnswer, w: Witness) -> Held:
+    def held(self, saved: SavedAnswer, w: SavedWitness) -> Held:
         """What the witness of an answer that HOLDS has to be."""
         q = saved.question
         if not close(w.wrench, q.wrench):
@@ -293,7 +293,7 @@ class Query:
         """The magnitude that its witness has to reach; -inf without one."""
         return -np.inf
 
-    def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
+    def held_fault(self, saved: SavedAnswer, w: SavedWitness, found: Proved) -> str:
         """What else is wrong with a witness that is proved; "" if nothing."""
         return ""
 
@@ -320,7 +320,7 @@ class Query:
 class Maximum(Query):
     """`max`: which is the largest magnitude of a direction that is resisted?"""
 
-    def held(self, saved: SavedAnswer, w: Witness) -> Held:
+    def held(self, saved: SavedAnswer, w: SavedWitness) -> Held:
         base, along, lower = *line(saved), saved.number("lower") or 0.0
         magnitude = max(float((w.wrench - base) @ along / (along @ along)), 0.0)  # that of the base load may be rounded
         if not close(w.wrench, base + magnitude * along) or magnitude < lower:
@@ -331,7 +331,7 @@ class Maximum(Query):
     def least(self, saved: SavedAnswer) -> float:
         return saved.number("lower") or 0.0
 
-    def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
+    def held_fault(self, saved: SavedAnswer, w: SavedWitness, found: Proved) -> str:
         if found.magnitude is None or found.reaches(self.least(saved)):
             return ""
         return f"it is proved from a magnitude of {found.magnitude[0]:.15g} on"
@@ -418,13 +418,13 @@ class Maximum(Query):
 class Torques(Query):
     """`torques`: which commands resist the load with the least effort?"""
 
-    def held(self, saved: SavedAnswer, w: Witness) -> Held:
+    def held(self, saved: SavedAnswer, w: SavedWitness) -> Held:
         if not close(w.wrench, saved.question.wrench):
             raise Refused("witness: it is a state under another disturbance")
         upper = saved.number("upper")
         return f"commands of {upper or 0.0:.6g} suffice", saved.question.wrench, None, 0.0, w.command
 
-    def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
+    def held_fault(self, saved: SavedAnswer, w: SavedWitness, found: Proved) -> str:
         """Are the commands those that the answer gives, and do they cost what it says?"""
         q, g = saved.question, saved.question.grasp
         given = np.where(g.backdrivable, g.command, 0.0)

@@ -20,7 +20,7 @@ from handfast.proofs.answers import (
     COURSE_KEYS,
     UNPROVED_STATE,
     SavedAnswer,
-    Witness,
+    SavedWitness,
     close,
     compare,
     described,
@@ -53,7 +53,7 @@ class Step:
 
     magnitude: float
     question: Question
-    witness: Witness | None
+    witness: SavedWitness | None
     certificate: Certificate | None
 
 

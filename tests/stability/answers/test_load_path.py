@@ -22,7 +22,6 @@ from handfast.stability.answers.answer import any_state
 from handfast.stability.answers.check_query import ask as check
 from handfast.stability.answers.load_path import Follower, StepAnswer, start_after
 from handfast.stability.problem import judge, scaled_problem
-from handfast.stability.problem.bound_problem import stated
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.questions import maximum
@@ -363,7 +362,7 @@ def test_a_path_goes_on_from_numbers_near_the_state_that_is_proved() -> None:
     """As near as the forces are, however far it moves."""
     step = check(jaw(), [-0.6, 0.6, 0], loading=FIRST).path.steps[-1]
     assert step.certain
-    p, x = step._problem(step.witness), stated(step.witness.state)
+    p, x = step._problem(step.witness), step.witness.state
     assert step._within(p, x) == 1e-6 * acting(p, x)
 
 

@@ -11,7 +11,7 @@ from handfast.model.grasp import Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, _made, equivalent_of
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 from tests.support.law_grasps import BACKDRIVABLE, curled, jaw, random_law_grasp
 from tests.support.slow_cases import slow_after
 
@@ -126,7 +126,7 @@ def test_states_go_there_and_back(seed: int) -> None:
         f[pair.first] = pair.friction * rng.uniform(0, 2)
         f[pair.first + 1] = 2 * pair.friction - f[pair.first]
     parts = same.parts_of(q, f, coupling)
-    state = State(np.zeros(6), parts[0], np.zeros(3 * grasp.m), parts[1], parts[2], parts[3])
+    state = state_of(np.zeros(6), parts[0], np.zeros(3 * grasp.m), parts[1], parts[2], parts[3])
     again = same.plain_parts(state)
     for mine, its in zip(again, (q, f, coupling), strict=True):
         assert mine == pytest.approx(its, abs=1e-12)

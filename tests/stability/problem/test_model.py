@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
+from handfast.proofs.states import State
 from handfast.stability.problem import judge, model
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 from tests.support.problems import X, Z, bell, pinch, solved, table
 
 SEEDS = st.integers(0, 10_000)
@@ -38,7 +39,7 @@ def test_positive_homogeneity(seed: int, scale: float) -> None:
         s,
         grasp=s.grasp.with_preload(scale * s.grasp.command),
         wrench=scale * s.wrench,
-        state=s.state.scaled(scale),
+        state=model.scaled(s.state, scale),
     )
     assert residuals(grown).worst < 1e-12
 
@@ -128,7 +129,7 @@ def holding_pinch() -> tuple[Grasp, np.ndarray, State]:
     force = [np.array([-1.0, -0.6, 0]), np.array([1.0, -0.6, 0])]
     c = np.concatenate([k.frame.T @ f for k, f in zip(g.contacts, force, strict=True)])
     # c_n = -d_n = arm * q: the joint motion 10 / m brings both springs to 1 N
-    return g, w, State(np.zeros(6), np.array([10.0, 10.0]), c, np.array([0.1, 0.1]), np.zeros(0))
+    return g, w, state_of(np.zeros(6), np.array([10.0, 10.0]), c, np.array([0.1, 0.1]), np.zeros(0))
 
 
 def test_the_hand_made_state_is_exact() -> None:
@@ -176,7 +177,7 @@ def test_less_than_the_command_is_refused_and_more_is_not() -> None:
     pushed = np.array([2.0, 0, 0, 0, 0, 0])  # onto the right finger; the left one follows at its command
     force = [np.array([-3.0, 0, 0]), np.array([1.0, 0, 0])]
     c = np.concatenate([k.frame.T @ f for k, f in zip(g.contacts, force, strict=True)])
-    moved = State(np.array([3.0, 0, 0, 0, 0, 0]), np.array([0.0, 40.0]), c, np.array([0.3, 0.1]), np.zeros(0))
+    moved = state_of(np.array([3.0, 0, 0, 0, 0, 0]), np.array([0.0, 40.0]), c, np.array([0.3, 0.1]), np.zeros(0))
     assert judge.residuals(g, pushed, moved).worst < 1e-14
 
 
@@ -208,7 +209,7 @@ def test_couplings_carry_torque_and_bind_motion() -> None:
     g = Grasp([contact], joints, mechanism, {"finger": torque})
     q = np.array([3.0, 1.0]) / (0.3 + 0.04)
     w = np.array([-1.0, 0, 0, 0, 0, 0])
-    state = State(np.zeros(6), q, np.array([1.0, 0, 0]), np.array([torque]), np.array([0.04]))
+    state = state_of(np.zeros(6), q, np.array([1.0, 0, 0]), np.array([torque]), np.array([0.04]))
     assert judge.residuals(g, w, state).worst < 1e-15
     assert judge.residuals(g, w, replace(state, q=np.array([3.4, 0.0]) / 0.34)).couplings > 0.1
     assert judge.residuals(g, w, replace(state, coupling=np.array([0.05]))).joint_balance > 1e-3
@@ -219,7 +220,7 @@ def test_a_slack_tendon_is_allowed_and_a_pushing_one_is_not() -> None:
     joint = GraspJoint("j", np.array([0, 0, -1.0]), np.array([0, -0.1, 0]), (0,))
     mechanism = Mechanism(("t",), np.array([[1.0]]), np.zeros((0, 1)), (True,))
     g = Grasp([contact], [joint], mechanism)
-    slack = State(np.array([1.0, 0, 0, 0, 0, 0]), np.array([10.0]), np.zeros(3), np.zeros(1), np.zeros(0))
+    slack = state_of(np.array([1.0, 0, 0, 0, 0, 0]), np.array([10.0]), np.zeros(3), np.zeros(1), np.zeros(0))
     assert judge.residuals(g, np.zeros(6), slack).worst < 1e-15
     pushing = replace(slack, q=np.zeros(1), f=np.array([-0.1]))
     assert judge.residuals(g, np.zeros(6), pushing).actuators > 0.1
@@ -233,7 +234,7 @@ def test_energy_out_of_nothing_is_counted() -> None:
     c = np.zeros((4, 3))
     c[:, 0] = model.spring_force(d.reshape(-1))
     c[:, 1:] = c[:, :1] * d[:, 1:] / np.maximum(np.linalg.norm(d[:, 1:], axis=1, keepdims=True), 1e-12)
-    state = State(r, np.zeros(2), c.reshape(-1), np.zeros(2), np.zeros(0))
+    state = state_of(r, np.zeros(2), c.reshape(-1), np.zeros(2), np.zeros(0))
     e = model.energy(g, -g.G @ c.reshape(-1), state)
     assert e.created > 0.5
     assert judge.residuals(g, -g.G @ c.reshape(-1), state).dissipation > 0.1
@@ -354,7 +355,7 @@ def test_couplings_are_measured_by_what_they_move() -> None:
     # arms, the size 0.1 m of the last, over |A|: 0.04 and 0.1; 1 / 1.5 and 1 / 3
     A = np.array([[0.0, 1.0, -1.0], [-1.5 / np.sqrt(10), 0.0, 0.3]])
     g = two_fingers(Mechanism((), np.zeros((0, 3)), A, ()))
-    none = State(np.zeros(6), np.zeros(3), np.zeros(6), np.zeros(0), np.zeros(2))
+    none = state_of(np.zeros(6), np.zeros(3), np.zeros(6), np.zeros(0), np.zeros(2))
     w = np.array([2.0, 0, 0, 0, 0, 0])  # the scale: 0.1 m off the middle, its torque over the size is 2 N too
     # A q is (0.5, 0), (0, -0.3 / sqrt(10)), (-1, 0.3): the last is 1 * 0.1 and 0.3 / 1.5
     for q, value in (([0, 0.5, 0], 0.5 * 0.1), ([0.2, 0, 0], 0.2 / np.sqrt(10)), ([0, 0, 1.0], 0.3 / 1.5)):
@@ -367,7 +368,7 @@ def test_a_fixture_has_no_joints_and_no_actuators() -> None:
     g, w = table(), np.array([0, 0, -8, 0, 0, 0])
     assert model.actuator_arms(g).shape == (0,)
     assert model.commanded(g).shape == (0,)
-    still = State([0, 0, -2, 0, 0, 0], np.zeros(0), np.tile([2, 0, 0], 4), np.zeros(0), np.zeros(0))
+    still = state_of([0, 0, -2, 0, 0, 0], np.zeros(0), np.tile([2, 0, 0], 4), np.zeros(0), np.zeros(0))
     assert judge.residuals(g, w, still).worst < 1e-15
     assert judge.residuals(g, w, replace(still, r=np.zeros(6))).normal == pytest.approx(2 / 8)
 
@@ -390,11 +391,11 @@ def test_normals_are_certain_unless_said_otherwise() -> None:
 def test_a_state_is_of_numbers(field: str) -> None:
     _, _, state = holding_pinch()
     with pytest.raises(InputError, match=rf"^{field}: contains NaN"):
-        replace(state, **{field: np.array([np.nan])})
+        state_of(**(vars(state) | {field: np.array([np.nan])}))
 
 
 def test_contact_forces_are_no_measure() -> None:
     """Fingers that squeeze with 5 N each, without springs that would, load or command: 5 N are missing."""
     g = pinch().with_preload(None)
-    squeeze = State(np.zeros(6), np.zeros(2), np.array([5.0, 0, 0, 5.0, 0, 0]), np.zeros(2), np.zeros(0))
+    squeeze = state_of(np.zeros(6), np.zeros(2), np.array([5.0, 0, 0, 5.0, 0, 0]), np.zeros(2), np.zeros(0))
     assert judge.residuals(g, np.zeros(6), squeeze).normal == pytest.approx(5.0)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.proofs.states import State
 from handfast.stability.problem import judge, model
 from handfast.stability.problem.judge import EXACT_SUM_THRESHOLD
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import scaled, state_of
 from tests.support.problems import X, Z, pinch
 from tests.support.rounding_edges import W, hand
 
@@ -20,7 +21,7 @@ def wrong(seed: int, still: tuple[int, ...] = ()) -> State:
     rng = np.random.default_rng(seed)
     c = rng.normal(size=(3, 3))
     c[list(still)] = 0.0
-    return State(rng.normal(size=6), rng.normal(size=3), c.reshape(-1), rng.normal(size=3), rng.normal(size=1))
+    return state_of(rng.normal(size=6), rng.normal(size=3), c.reshape(-1), rng.normal(size=3), rng.normal(size=1))
 
 
 def expected(g: Grasp, w: np.ndarray, s: State, f_c: np.ndarray, eta: float) -> dict[str, float]:
@@ -106,7 +107,7 @@ def test_numbers_whose_squares_vanish(power: int, seed: int) -> None:
     small = g.with_preload(k * g.command)
     for more in ({}, {"eta": 0.3}, {"mdp": False}, {"command": np.array([0.2, 0.0, 0.1])}):
         tiny = {name: k * v if name == "command" else v for name, v in more.items()}
-        whole, part = judge.residuals(g, W, s, **more), judge.residuals(small, k * W, s.scaled(k), **tiny)
+        whole, part = judge.residuals(g, W, s, **more), judge.residuals(small, k * W, scaled(s, k), **tiny)
         for name in expected(g, W, s, g.command, 0.0):
             assert getattr(part, name) == pytest.approx(getattr(whole, name), rel=1e-6), name
 
@@ -114,7 +115,7 @@ def test_numbers_whose_squares_vanish(power: int, seed: int) -> None:
 def test_without_loads_the_largest_command_is_the_scale() -> None:
     """Of 0.1 and 0.3 N m at hinges: 0.3 over the grasp's size. Without commands, 1."""
     g = pinch().with_preload({"right": 0.1, "left": 0.3})
-    idle = State(np.zeros(6), np.array([0.5, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
+    idle = state_of(np.zeros(6), np.array([0.5, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
     assert judge.residuals(g, np.zeros(6), idle).normal == pytest.approx(0.05 * g.size / 0.3)  # 0.5 turns 0.1 m away
     assert judge.residuals(g.with_preload({"left": 0.2}), np.zeros(6), idle).normal == pytest.approx(
         0.05 * g.size / 0.2
@@ -133,7 +134,7 @@ def test_contact_forces_are_no_scale(times: float) -> None:
     c = times * np.array([2.0, 0, 0, 2.0, 0, 0, 0, 0, 0])
     for joint, size in ((turns, Grasp(contacts).size), (slide, 1.0)):
         g = Grasp(contacts, [joint])
-        state = State(np.zeros(6), np.zeros(1), c, np.array([0.5]), np.zeros(0))
+        state = state_of(np.zeros(6), np.zeros(1), c, np.array([0.5]), np.zeros(0))
         for load in (0.1, 3.0):
             w = np.r_[0, 0, 0, load * g.size, 0, 0]
             assert judge.residuals(g, w, state).joint_balance == pytest.approx(0.5 / size / load)
@@ -169,7 +170,7 @@ def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.
                 parts: dict[str, Any] = {"r": np.zeros(6), "q": np.zeros(3), "f": np.zeros(3), "coupling": np.zeros(1)}
                 parts["c"] = np.arange(9.0)
                 parts[field][k] = sign * factor * EXACT_SUM_THRESHOLD * 2.5 / unit
-                state = State(**parts)
+                state = state_of(**parts)
                 calls.clear()
                 sums = judge.linear_sums(g, W, state, 2.5)
                 assert bool(calls) == exact == (sums is None), (field, k, factor)
@@ -188,7 +189,7 @@ def test_sums_are_exact_where_contacts_are_far_from_the_origin(monkeypatch: pyte
         contacts = [Contact(c.position + np.array([0.0, far, 0.0]), c.normal, c.friction) for c in pinch().contacts]
         g = Grasp(contacts)
         assert g.spacing == pytest.approx(spacing, rel=1e-3)
-        state = State(np.zeros(6), np.zeros(0), np.ones(6), np.zeros(0), np.zeros(0))
+        state = state_of(np.zeros(6), np.zeros(0), np.ones(6), np.zeros(0), np.zeros(0))
         judge.linear_sums(g, W, state, 1.0)
         assert bool(calls) == exact
 

@@ -20,7 +20,7 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.stability.answers.answer import Answer
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 from handfast.stability.problem.objective import ANY_STATE
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import least_motion as module
@@ -43,7 +43,7 @@ def same_modes(w: Witness) -> Witness:
 
 def fixture_state(grasp: Grasp, wrench: Array, r: Array, c: Array) -> Witness:
     """An exact state of a grasp without joints; c: (m, 3)."""
-    w = Witness(grasp, wrench, State(r, NONE, c.ravel(), NONE, NONE), 0.0, True)
+    w = Witness(grasp, wrench, state_of(r, NONE, c.ravel(), NONE, NONE), 0.0, True)
     assert w.valid
     return w
 

@@ -13,6 +13,7 @@ from handfast.core.answer import Verdict
 from handfast.stability.answers.margin import Margin, rubbed
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.model import scaled
 from handfast.stability.studies.maps import sweep
 from handfast.stability.studies.margin_search import margin
 from handfast.stability.studies.questions import check, force_map, hold
@@ -49,7 +50,7 @@ def test_flips_of_a_margin_are_replayed() -> None:
     assert tight.verdict is Verdict.SLIPS
     forged = replace(m, less=replace(m.less, holds=0.0, slips=0.01, answer=tight))
     assert forged.verify().reason == "less friction: the answer is about another change"
-    found = replace(m.held.found, state=m.witness.state.scaled(2.0))
+    found = replace(m.held.found, state=scaled(m.witness.state, 2.0))
     moved = replace(m, held=replace(m.held, found=found))
     assert moved.verify().reason.startswith("motion: witness: ")
 
@@ -68,6 +69,6 @@ def test_a_hold_says_of_a_state_that_is_none_what_its_check_says() -> None:
     answer = hold(pinch(), LOADS)
     first = answer.checks[0]
     assert first.found is not None
-    wrong = replace(first, found=replace(first.found, state=first.found.state.scaled(2.0)))
+    wrong = replace(first, found=replace(first.found, state=scaled(first.found.state, 2.0)))
     done = replace(answer, checks=(wrong, *answer.checks[1:])).verify()
     assert done.reason.startswith("up: witness: "), done.reason

@@ -22,7 +22,7 @@ from handfast.pictures import Entry, write_report
 from handfast.stability.answers.margin import FRAGILE_MOTION, Flip, Margin
 from handfast.stability.problem import model
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search.least_motion import least_motion
@@ -194,9 +194,9 @@ def test_no_planted_state_moves_less(seed: int, m: int, eta: float) -> None:
 def test_motion_is_that_of_object_or_relative_whichever_is_larger() -> None:
     """A finger that turns by 10 N / m at 0.1 m below an object that stays: 1 N, all of it relative."""
     grasp = pinch()
-    still = State(np.zeros(6), np.array([10.0, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
+    still = state_of(np.zeros(6), np.array([10.0, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
     assert Witness(grasp, np.zeros(6), still, 0.0, True).largest_motion == pytest.approx(1.0)
-    moved = State(np.array([0, 3.0, 0, 0, 0, 0]), np.zeros(2), np.zeros(6), np.zeros(2), np.zeros(0))
+    moved = state_of(np.array([0, 3.0, 0, 0, 0, 0]), np.zeros(2), np.zeros(6), np.zeros(2), np.zeros(0))
     assert Witness(grasp, np.zeros(6), moved, 0.0, True).largest_motion == pytest.approx(3.0)
 
 
@@ -206,7 +206,7 @@ def test_a_strong_squeeze_alone_is_not_fragile() -> None:
     m = asked(grasp, 100 * wrench)
     assert m.motion > FRAGILE_MOTION
     assert m.why == ()
-    r = model.State(10 * m.witness.state.r, *(getattr(m.witness.state, n) for n in ("q", "c", "f", "coupling")))
+    r = model.state_of(10 * m.witness.state.r, *(getattr(m.witness.state, n) for n in ("q", "c", "f", "coupling")))
     found = replace(m.witness, state=r)
     assert replace(m, held=replace(m.held, found=found, posed=None)).why == ("motion",)  # shown as it was found
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from handfast.core.branch import BranchAndPrune, Discarded
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.search.boxes import Boxes, PoseSpace, SearchPart
+from handfast.synthesis.search.boxes import BoxDomain, PoseSpace, SearchPart
 from handfast.synthesis.search.prover import CELLS, LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.search.workspace import CenteredBox
@@ -31,7 +31,7 @@ from tests.support.synthesis_pieces import Turned, ask
 TASKS = ("scalpel-handling", "teapot-service", "guitar-holding")
 
 
-def about(domain: Boxes, x: np.ndarray, size: float, rng: np.random.Generator) -> SearchPart:
+def about(domain: BoxDomain, x: np.ndarray, size: float, rng: np.random.Generator) -> SearchPart:
     """A box around x, in the domain's coordinates, which lies anywhere in it."""
     root = next(p.box for p in domain.roots if ((p.box[:, 0] <= x) & (x <= p.box[:, 1]))[domain.use].all())
     lower = np.maximum(root[:, 0], x - size * rng.random(len(x)))

@@ -31,11 +31,11 @@ from handfast.planning.results.search_file import COUNTED_REASONS, SavedSearch
 from handfast.planning.results.verify import verify
 from handfast.planning.search import Tally
 from handfast.proofs.replay import Replay
+from handfast.proofs.states import State
 from handfast.readers import grasp_file
 from handfast.stability.answers import CheckAnswer
 from handfast.stability.answers.answer import finite
 from handfast.stability.problem.loads import Loads
-from handfast.stability.problem.model import State
 from handfast.stability.studies.hold import HoldAnswer
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis

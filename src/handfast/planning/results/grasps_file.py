@@ -27,11 +27,12 @@ from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand, coupling_rows
 from handfast.model.hand.joint_law import NO_LAW, JointLaw, PassiveTendon
 from handfast.planning.question import Requirements
+from handfast.proofs.states import State
 from handfast.readers import grasp_file
 from handfast.readers.grasp_file import ActuatorEntry, actuators_to_dict, by_joint, mechanism_of
 from handfast.stability.answers.answer import state_json
 from handfast.stability.problem.loads import Loads, Weight
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 from handfast.synthesis.embedded_task import digest, refuse_broken, sealed, task_from_dict, task_to_dict
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_file import solution_of
@@ -376,7 +377,7 @@ def _grasp(task: Task, e: GraspEntry, answer: dict[str, Any], field: str) -> Sav
 
 def _states(entries: Mapping[str, LoadWitnessEntry]) -> dict[str, State]:
     states = {n: s.model_dump(exclude_none=True) for n, s in entries.items()}
-    return {n: State(**{k: np.array(v) for k, v in s.items()}) for n, s in states.items()}
+    return {n: state_of(**{k: np.array(v) for k, v in s.items()}) for n, s in states.items()}
 
 
 # --- motors -----------------------------------------------------------------------------------------

@@ -24,11 +24,9 @@ from handfast.proofs.existence import MODE_TRIES, Proved, exactly, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
-from handfast.proofs.states import Problem
-from handfast.proofs.states import State as StateData
-from handfast.stability.problem.bound_problem import BoundProblem, as_state, stated
+from handfast.proofs.states import Problem, State
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_data import grasp_data
-from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import ANY_STATE, INF
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
@@ -139,10 +137,10 @@ class Answer(Presented, ABC):
     def _proved(self, w: Witness, least: float = -np.inf, tries: int = MODE_TRIES) -> Proved:
         """What is proved of a state, however long it takes, so that `verify` finds the same; see `prove`."""
         assert self.posed is not None
-        p, x = self._problem(w), stated(w.state)
+        p, x = self._problem(w), w.state
         return prove(p, x, least, self._within(p, x), tries)
 
-    def _within(self, p: Problem, x: StateData) -> float | None:
+    def _within(self, p: Problem, x: State) -> float | None:
         """[N] how near to a state x what is proved has to be; of a path as near as each of its steps."""
         return None if self.path is None else path_steps.near_enough(p, x)
 
@@ -187,8 +185,8 @@ class Answer(Presented, ABC):
         known, w = self._of_found, self.found
         if known is None or w is None or known.exact or not self._may_move_less:
             return self
-        x = exactly(self._problem(w), stated(w.state))[1]
-        at = replace(w, state=as_state(x))
+        x = exactly(self._problem(w), w.state)[1]
+        at = replace(w, state=x)
         return replace(self, found=at) if self._proved(at).exact else self
 
     def _with_proof(self) -> Self:
@@ -211,7 +209,7 @@ class Answer(Presented, ABC):
 
     def _too_small(self, cap: float, shown: Witness | None) -> bool:
         """Is a bound for motions up to a cap [N] not complete beside this witness?"""
-        motion = None if shown is None else stated(shown.state).motion
+        motion = None if shown is None else shown.state.motion
         return self.question is not None and bool(answers.cap_fault(self.question, cap, self._bound, motion))
 
     @property
@@ -253,7 +251,7 @@ class Answer(Presented, ABC):
         """The witness by key, as `check` prints it; null without one that is proved."""
         if self.witness is None or self.posed is None or self.proved is None:
             return dict(answers.UNPROVED_STATE)
-        return answers.described(_grasp(self.posed, self.witness), stated(self.witness.state), self.proved)
+        return answers.described(_grasp(self.posed, self.witness), self.witness.state, self.proved)
 
     @property
     def exact(self) -> bool | None:
@@ -336,7 +334,7 @@ def _grasp(posed: BoundProblem, w: Witness) -> GraspData:
     return grasp_data(posed.problem.grasp).with_command(w.grasp.command)
 
 
-def state_json(s: State | StateData) -> dict[str, Any]:
+def state_json(s: State) -> dict[str, Any]:
     """A state as files have it: `reaction` and `torsion` only where joints and contacts have one."""
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
     arrays |= {name: x for name, x in (("reaction", s.reaction), ("torsion", s.torsion)) if x.any()}

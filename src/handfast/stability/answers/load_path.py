@@ -24,14 +24,13 @@ from handfast.model.start import Start
 from handfast.proofs import path_steps
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.existence import Proved
-from handfast.proofs.states import Problem, came_from
-from handfast.proofs.states import State as StateData
+from handfast.proofs.states import Problem, State, came_from
 from handfast.proofs.tolerance import UNBOUNDED_FACTOR, farthest
 from handfast.stability.answers.answer import Answer, any_state, witness_json
 from handfast.stability.problem import judge, scaled_problem
-from handfast.stability.problem.bound_problem import BoundProblem, stated
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import GraspLimits
-from handfast.stability.problem.model import State, relative_motion
+from handfast.stability.problem.model import relative_motion, state_of
 from handfast.stability.problem.objective import ANY_STATE, LARGEST_MAGNITUDE
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
@@ -57,7 +56,7 @@ class StepAnswer(Answer):
     def _may_move_less(self) -> bool:
         return False  # of the choices among states the path makes its own
 
-    def _within(self, p: Problem, x: StateData) -> float:
+    def _within(self, p: Problem, x: State) -> float:
         return path_steps.near_enough(p, x)
 
     def said(self) -> dict[str, Any]:
@@ -196,7 +195,7 @@ def _step_json(s: StepAnswer) -> dict[str, Any]:
 
 def start_after(step: StepAnswer, w: Witness) -> Start:
     """What the next step starts from, after a state of this one."""
-    came, _, _ = came_from(step._problem(w), stated(w.state))
+    came, _, _ = came_from(step._problem(w), w.state)
     return Start(came.gaps, came.stops, came.slack)
 
 
@@ -274,13 +273,13 @@ class Follower:
     def _guesses(self, start: Start, magnitude: float) -> list[State]:
         """Where a step may lead: on as the step before it did, and nowhere; states that go on are found first."""
         (m, x), earlier = self.before[start]
-        rest = State(0 * x.r, 0 * x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+        rest = state_of(0 * x.r, 0 * x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
         if earlier is None:
             return [rest]
         share = (magnitude - m) / (m - earlier[0])
         y = earlier[1]
         forces = ((a, b) for a, b in zip(_forces(x), _forces(y), strict=True))
-        return [State(share * x.r, share * x.q, *(a + share * (a - b) for a, b in forces)), rest]
+        return [state_of(share * x.r, share * x.q, *(a + share * (a - b) for a, b in forces)), rest]
 
     def after(self, step: StepAnswer, magnitude: float, pick: Pick) -> Grasp | None:
         """The grasp after a state of a step at a magnitude; None without one."""
@@ -305,7 +304,7 @@ class Follower:
         (m, x), _ = self.before[start]
         forces = ((a + b) / 2 for a, b in zip(_forces(x), _forces(w.state), strict=True))
         load = (m * self.whole.wrench + w.wrench) / 2
-        middle = State(w.state.r / 2, w.state.q / 2, *forces)
+        middle = state_of(w.state.r / 2, w.state.q / 2, *forces)
         return bool(judge.residuals(w.grasp, load, middle, eta=w.eta).worst <= VALID)
 
     def along(self, magnitudes: Array, pick: Pick = shown, prove: float = np.inf) -> LoadPath:

@@ -16,14 +16,15 @@ from handfast.proofs.answers import UPPER_BOUND_FACTOR
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.constants import END_TOLERANCE
 from handfast.proofs.existence import MODE_TRIES, Proved, exactly, nearby, polished
+from handfast.proofs.states import State
 from handfast.proofs.tolerance import farthest
 from handfast.stability.answers.answer import Answer, finite, state_json
 from handfast.stability.answers.load_path import LoadPath, StepAnswer, comes_after, path_end
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import BoundProblem, as_state, stated
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import scaled
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Loading, OnStep, Settings
@@ -126,16 +127,16 @@ class MaxAnswer(Answer):
         if lower.exact and lower.magnitude is not None and lower.magnitude[0] >= max(self.lower - room / 10, 0.0):
             return replace(self, lower=lower.magnitude[0])
         smaller = partial(nearby, gap=room, until=until, thorough=not known.tolerant)
-        before, asked = stated(w.state), self._problem(w)
+        before, asked = w.state, self._problem(w)
         for other in (exactly, smaller):
             p, x = other(asked, before)
             if x is before or p.magnitude < asked.magnitude - room / 10:
                 continue
-            at = Witness(w.grasp, p.load, as_state(x), w.eta, w.mdp)
+            at = Witness(w.grasp, p.load, x, w.eta, w.mdp)
             shown = self._proved(at, -INF)
             if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
                 y = polished(replace(p, wrench=p.load, along=None), x, shown.modes)[1]
-                at = replace(at, state=as_state(y))
+                at = replace(at, state=y)
                 shown = self._proved(at, -INF)
             if shown.exact:
                 less = p.magnitude * (1 - MAGNITUDE_TOLERANCE)
@@ -327,4 +328,4 @@ def _search(
 
 def _scaled(w: Witness, s: float, grasp: Grasp) -> Witness:
     """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
-    return Witness(grasp.with_preload(s * w.grasp.command), s * w.wrench, w.state.scaled(s), w.eta, w.mdp)
+    return Witness(grasp.with_preload(s * w.grasp.command), s * w.wrench, scaled(w.state, s), w.eta, w.mdp)

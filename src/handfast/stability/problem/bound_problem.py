@@ -11,22 +11,10 @@ import numpy as np
 
 from handfast.core.schema import written
 from handfast.proofs.question import Question
-from handfast.proofs.states import State as StateData
 from handfast.readers import grasp_file
 from handfast.stability.problem.grasp_data import grasp_data
-from handfast.stability.problem.model import State
 from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
-
-
-def stated(s: State) -> StateData:
-    """A state as proofs take it."""
-    return StateData(s.r, s.q, s.c, s.f, s.coupling, s.reaction, s.torsion)
-
-
-def as_state(x: StateData) -> State:
-    """The same state, as the engine has it."""
-    return State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,8 @@ from handfast.model.start import Start
 from handfast.proofs.constants import MAX_GRASP_SIZE
 from handfast.proofs.fields import not_zero
 from handfast.proofs.joint_laws import given_torques, shared
+from handfast.proofs.states import State
 from handfast.stability.problem import model
-from handfast.stability.problem.model import State
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from handfast.model.grasp import Grasp
 if TYPE_CHECKING:
     from flint import fmpq
 
-    from handfast.stability.problem.model import State
+    from handfast.proofs.states import State
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,7 @@ from handfast.stability.problem.model import (
     reaction_defect,
     reaction_range,
     relative_motion,
+    scaled,
     sliding,
     spring_force,
     turning,
@@ -195,7 +196,7 @@ def _scaled_up(grasp: Grasp, w: Array, x: State, f_c: Array, eta: float, mdp: bo
     """Of a state of vanishing numbers; all is homogeneous, so that it is judged as well as any."""
     largest = max(np.abs(w).max(), np.abs(x.c).max(initial=0.0))
     s = 2.0 ** min(-np.round(np.log2(largest)), 1000.0)
-    return residuals(grasp.with_laws_times(s), s * w, x.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
+    return residuals(grasp.with_laws_times(s), s * w, scaled(x, s), eta=eta, command=s * f_c, mdp=mdp)
 
 
 def _residuals(grasp: AnyGrasp, w: Array, x: State | StateRows, f_c: Array, eta: float, mdp: bool) -> Residuals:

@@ -17,24 +17,31 @@ which is a force too, and the motions that belong to them, see `friction` and do
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from handfast.core.arrays import Array, Indices, Mask, frozen, times, transposed_times
 from handfast.model.grasp import Grasp
+from handfast.proofs.states import State
 from handfast.stability.problem.grasp_rows import AnyGrasp
 
 NO_ARM = 1e-14  # relative: an arm that rounding makes
-NO_REACTION: Array = np.zeros(0)  # of a state that was given none: its joints carry nothing themselves
-NO_TORSION: Array = np.zeros(0)  # likewise, of its contacts
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """A candidate solution of the model.
+def state_of(
+    r: ArrayLike,
+    q: ArrayLike,
+    c: ArrayLike,
+    f: ArrayLike,
+    coupling: ArrayLike,
+    reaction: ArrayLike | None = None,
+    torsion: ArrayLike | None = None,
+) -> State:
+    """A candidate solution of the model, of arrays that cannot be written to.
 
-    Attributes:
+    Args:
         r: (6,) virtual object motion, translation then rotation, object frame.
         q: (l,) virtual joint motion.
         c: (3m,) contact forces (n, t1, t2 each) [N].
@@ -43,27 +50,15 @@ class State:
         reaction: (l,) rho, what the joints themselves carry by dry friction and at stops [N m or N]; 0 unless given.
         torsion: (m,) torques about the normals [N m], of the hand on the object; 0 unless given, as of point contacts.
     """
+    reaction = np.zeros(np.shape(q)) if reaction is None else reaction
+    torsion = np.zeros(np.size(c) // 3) if torsion is None else torsion
+    parts = [np.asarray(x, dtype=float) for x in (r, q, c, f, coupling, reaction, torsion)]
+    return State(*(frozen(x, x.shape, name.name) for x, name in zip(parts, fields(State), strict=True)))
 
-    r: Array
-    q: Array
-    c: Array
-    f: Array
-    coupling: Array
-    reaction: Array = field(default_factory=lambda: NO_REACTION)
-    torsion: Array = field(default_factory=lambda: NO_TORSION)
 
-    def __post_init__(self) -> None:
-        if self.reaction is NO_REACTION:
-            object.__setattr__(self, "reaction", np.zeros(np.shape(self.q)))
-        if self.torsion is NO_TORSION:
-            object.__setattr__(self, "torsion", np.zeros(np.size(self.c) // 3))
-        for f in fields(self):
-            value = np.asarray(getattr(self, f.name), dtype=float)
-            object.__setattr__(self, f.name, frozen(value, value.shape, f.name))
-
-    def scaled(self, s: float) -> State:
-        """The state times s: with w and the commands times s it solves the model again (homogeneity)."""
-        return State(*(s * getattr(self, f.name) for f in fields(self)))
+def scaled(x: State, s: float) -> State:
+    """A state times s: with w and the commands times s it solves the model again (homogeneity)."""
+    return state_of(*(s * getattr(x, f.name) for f in fields(x)))
 
 
 def lengths(x: Array) -> Array:
@@ -97,7 +92,7 @@ class StateRows:
 
     def row(self, i: int) -> State:
         """One of them."""
-        return State(*(getattr(self, f.name)[i] for f in fields(self)))
+        return state_of(*(getattr(self, f.name)[i] for f in fields(self)))
 
     def times(self, s: Array) -> StateRows:
         """Each times a number of (k,): with load and commands times these they solve the model again."""

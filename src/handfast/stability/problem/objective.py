@@ -20,6 +20,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
+from handfast.proofs.question import AffineLoad
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.witness import Witness
 
@@ -32,21 +33,6 @@ NO_COMMAND = 1e-8  # (scaled) by which commands may differ that count as the sam
 
 Effort = Literal["max", "sum"]
 Range = tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class AffineLoad:
-    """The right-hand side, affine in the scalar sigma.
-
-    w = w_a + sigma w_b (6,), f_c = f_a + sigma f_b (a,), torques that are given to joints g_a + sigma g_b (l,).
-    """
-
-    w_a: Array
-    w_b: Array
-    f_a: Array
-    f_b: Array
-    g_a: Array
-    g_b: Array
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,14 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import cross, cross_rows
 from handfast.model.grasp import Grasp
 from handfast.proofs.question import LARGEST_GOAL, Question
+from handfast.proofs.states import State
 from handfast.proofs.tolerance import drives, passed_on, ways
 from handfast.stability.problem import model
 from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import state_of
 
 BALANCE_TOLERANCE = 1e-9  # relative: forces that miss a disturbance by less balance it
 STRONGEST = 1e3  # times the other forces in play: as far goes the search for commands
@@ -211,7 +212,7 @@ class ScaledProblem:
         )
         torsion = np.zeros(len(self.mu))
         torsion[self.soft] = self.force * x.twist * self.grasp.levers
-        return State(
+        return state_of(
             r=self.force * self.lengths * x.r,
             q=q,
             c=self.force * x.c,

@@ -11,9 +11,10 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.presented import Presented
 from handfast.model.grasp import Grasp
+from handfast.proofs.states import State
 from handfast.stability.problem import judge, model
 from handfast.stability.problem.judge import Residuals
-from handfast.stability.problem.model import Energy, State
+from handfast.stability.problem.model import Energy
 
 VALID = 1e-9  # relative residual of a witness, every equation
 # of `to_json`

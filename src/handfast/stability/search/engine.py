@@ -13,7 +13,7 @@ from handfast.core.answer import SearchLimits, Stop
 from handfast.core.arrays import Array
 from handfast.core.parallel import default_jobs
 from handfast.proofs.constants import END_TOLERANCE
-from handfast.stability.problem.model import State
+from handfast.proofs.states import State
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import MIN_SEARCH_TIME, OnStep, Progress, Settings

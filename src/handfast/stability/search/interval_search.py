@@ -20,9 +20,10 @@ from handfast.core.arrays import Array
 from handfast.proofs import near, ranges
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.ranges import Arc, Known, known
+from handfast.proofs.states import State
 from handfast.proofs.tolerance import no_magnitude
-from handfast.stability.problem.bound_problem import BoundProblem, stated
-from handfast.stability.problem.model import State
+from handfast.stability.problem.bound_problem import BoundProblem
+from handfast.stability.problem.model import scaled
 from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST_MAGNITUDE, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
@@ -226,7 +227,7 @@ class _Magnitudes:
         inside = near.bernstein(len(points) - 1, np.array([JUDGED_AT]))[0] @ controls
         if self._missed(a + JUDGED_AT * (b - a), inside) > MAX_MISSED:
             return False  # most that are none are found here, in a tenth of the time
-        arc = Arc(a, b, tuple(stated(self._state(z)) for z in controls))
+        arc = Arc(a, b, tuple(self._state(z) for z in controls))
         if ranges.replayed(self.question, arc)[0]:
             return False
         self.arcs.append(arc)
@@ -315,7 +316,7 @@ class _Magnitudes:
         s, high = self.goal.bounds(self.p, found.value, found.bound)
         state = self.least(found.witness)
         if self.goal.homogeneous:
-            state = state.scaled(s / self.p.direction_scale)
+            state = scaled(state, s / self.p.direction_scale)
         s = min(s, m)
         return s, self._exact(s, state), high if high < m else None
 

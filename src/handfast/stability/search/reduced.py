@@ -18,8 +18,10 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask, times, transposed, transposed_times
 from handfast.core.groups import table, whole_vectors
-from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import AffineLoad, Objective, Range
+from handfast.proofs.question import AffineLoad
+from handfast.proofs.states import State
+from handfast.stability.problem.model import scaled
+from handfast.stability.problem.objective import Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
@@ -276,7 +278,7 @@ class Reduced:
             return self.z(self.p.scaled(state))
         scalar = self.goal.at_magnitude(self.p, magnitude)
         # where all is homogeneous, states are sought for the direction alone
-        same = state.scaled(scalar) if self.goal.homogeneous else state
+        same = scaled(state, scalar) if self.goal.homogeneous else state
         return self.z(self.p.scaled(same, scalar, self.goal.given_share(scalar)))
 
     def witness(self, x: ScaledPoint) -> Witness:

@@ -19,7 +19,7 @@ import numpy as np
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.transforms import cross
 from handfast.model.grasp import Grasp
-from handfast.stability.problem.model import State
+from handfast.proofs.states import State
 from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.search.reduced import Reduced, reduce

@@ -16,13 +16,14 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.proofs.constants import END_TOLERANCE
+from handfast.proofs.states import State
 from handfast.stability.answers.load_path import PathsFromRest
 from handfast.stability.answers.max_query import max_goal
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.grasp_rows import AnyGrasp, GraspRows
-from handfast.stability.problem.model import State, StateRows
+from handfast.stability.problem.model import StateRows
 from handfast.stability.problem.objective import ANY_STATE, COMMAND_END_FACTOR, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import VALID

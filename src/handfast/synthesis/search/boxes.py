@@ -56,7 +56,7 @@ class PartEntry(Strict):
     small: bool
 
 
-class Boxes:
+class BoxDomain:
     """A search domain of boxes (n, 2): everything but the kernel.
 
     Attributes:
@@ -114,7 +114,7 @@ class Boxes:
         return SearchPart(np.array(entry.box), entry.share, entry.small)
 
 
-class ContactSet(Boxes):
+class ContactSet(BoxDomain):
     """One set of contacts: can these be made together, in any pose of the object?"""
 
     def __init__(
@@ -143,7 +143,7 @@ class ContactSet(Boxes):
         )
 
 
-class PoseSpace(Boxes):
+class PoseSpace(BoxDomain):
     """The object's pose: is there one in which each contact can be made, whatever the other fingers do?
 
     The coordinates are those of `kernel.pose_search`: four charts of the rotation, and the position of a point amid

@@ -24,7 +24,7 @@ from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.synthesis.search.boxes import KEPT_BOXES, STEP_NODES, Boxes, ContactSet, PoseSpace, SearchPart
+from handfast.synthesis.search.boxes import KEPT_BOXES, STEP_NODES, BoxDomain, ContactSet, PoseSpace, SearchPart
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
@@ -89,7 +89,7 @@ class Prover:
         sizes = range(2, points + 1) if points > 1 else range(1, 2)
         subsets = [s for size in sizes for s in combinations(range(points), size)]
         rates, bounds = derivative_bounds(problem), cones(problem)
-        self.domains: dict[str, Boxes] = {
+        self.domains: dict[str, BoxDomain] = {
             "-".join(map(str, s)): ContactSet(problem, s, rates, bounds, kept=KEPT_BOXES if s == subsets[-1] else 1)
             for s in subsets
         }
@@ -99,7 +99,7 @@ class Prover:
         self.searches: dict[str, BranchAndPrune[SearchPart]] = {
             name: BranchAndPrune(d, d.roots, workers=workers) for name, d in self.domains.items()
         }
-        self._ready: set[type[Boxes]] = set()
+        self._ready: set[type[BoxDomain]] = set()
         self._limits = SearchLimits()  # of the latest run
 
     def run(
@@ -208,7 +208,7 @@ class Prover:
                     if state.nodes >= end or not self._open(name):
                         break
 
-    def _compile(self, domain: Boxes) -> None:
+    def _compile(self, domain: BoxDomain) -> None:
         """Compiled before its first turn, at nobody's expense."""
         if type(domain) not in self._ready:
             with self._limits.paused():
