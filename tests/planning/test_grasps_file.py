@@ -159,7 +159,8 @@ def test_verify_prints_what_it_has_proved(saved: Data, tmp_path: Path, capsys: p
         "as stated",
         "hand 'schunk-sah' sha256 ",
         "object 'scalpel' sha256 ",
-        "clearances, scores, lower bounds of commands and the course of the search",
+        "what the answer repeats of its grasps, clearances, scores, lower bounds of commands and the course of the "
+        "search",
         "not from forgery",
     ):
         assert part in text, part

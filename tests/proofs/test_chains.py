@@ -310,3 +310,15 @@ def test_a_joint_moves_its_link_about_its_own_axis(revolute: bool) -> None:
     along, point = step.seen(Pose.fixed(Interval.of(R), place, 2, 0))
     np.testing.assert_allclose(along.value.mid, np.tile(R @ axis, (2, 1)), atol=1e-14)
     np.testing.assert_allclose(point.value.mid, np.tile(R @ anchor + place, (2, 1)), atol=1e-14)
+
+
+def test_rounding_of_large_terms_is_none_that_counts() -> None:
+    """1.1 a - 1e14 is 0.00495 where floats make it 0.0078: b cannot be at either."""
+    driver = next(x for k in range(-400, 400) if 1.1 * (x := 1e14 / 1.1 + k * 2.0**-7) == 1e14)
+    assert abs(Fraction(1.1) * Fraction(driver) - Fraction(10) ** 14) > 1e-4
+    task = data_of(follower(0.0))
+    coupling = replace(task.hand.couplings[1], ratio=1.1, offset=-1e14)
+    limits = np.array([[driver, driver], [0.0, 0.0]])
+    large = replace(task, hand=replace(task.hand, couplings={1: coupling}, limits=limits))
+    with pytest.raises(Refused, match=r"joint b is fixed at 0 by its limits, at 0\.0078125 by its coupling"):
+        Drive.of(large, {})

@@ -854,3 +854,31 @@ def test_of_many_cones_each_is_compared_with_all() -> None:
     assert _meets(axis, np.full(600, 0.1), np.arange(600)).all()
     axis[300] = 1, 0, 0
     assert not _meets(axis, np.full(600, 0.1), np.arange(600)).any()
+
+
+def test_of_very_many_parts_nothing_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two ellipsoids have 8192 parts each; no more are made once there are too many."""
+    made, parts = [], ConvexSolid.parts
+    monkeypatch.setattr(ConvexSolid, "parts", lambda self: made.append(self) or parts(self))
+    none = np.zeros((0, 3))
+    solids = [ConvexSolid("ellipsoid", (0.3, 0.31, 0.32), shifted(x), none, none.astype(int)) for x in (0.0, 1.0, 2.0)]
+    apart = Held(tuple(solids), np.zeros(3), np.zeros((1, 6)), 0.5)
+    for most, count in ((8191, 1), (16383, 2), (3 * 8192, 3)):
+        monkeypatch.setattr(few_contacts, "FIRST_PARTS", most)
+        made.clear()
+        apart._no_line()
+        assert len(made) == count
+
+
+def shifted(x: float) -> Array:
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose
+
+
+def test_a_claim_has_the_reason_that_is_shown() -> None:
+    one = held(Shape("cylinder", [0.03, 0.1]), 0.0, np.zeros(3))
+    assert replay(said(one) | {"reason": ""}).ok
+    assert not replay(said(one) | {"reason": "line"}).ok
+    with pytest.raises(BadFile, match="'magic'"):
+        replay(said(one) | {"reason": "magic"})

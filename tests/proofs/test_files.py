@@ -421,3 +421,45 @@ def test_what_is_no_file(tmp_path: Path) -> None:
             files.verify_path(tmp_path / name)
         with refused("is no file", "place"):
             files.read_json(tmp_path / name, "place")
+
+
+def test_how_many_contacts_it_takes_goes_with_the_rest_of_a_plan(written, tmp_path: Path) -> None:
+    """The grasps of the plan have two contacts each."""
+    made = planned(written)
+    said: dict[str, Any] = {"schema": "handfast/contacts/1", "object": "ball", "contacts": 2, "reason": "opposed"}
+    said |= {"friction": 0.5, "center_of_mass": [0, 0, 0], "solids": [{"kind": "sphere", "size": [1]}]}
+    loads = PLAN_LOADS | {"down": [-x for x in PLAN_LOADS["up"]]}
+    words = "1 contact on its surface cannot hold: loads of both signs need more contacts than the directions that"
+    plan = made["plan"] | {"contacts_file": "c.json", "verdict": "holds"}
+    held = {name: json.loads(json.dumps(hold(pinch(mu), Loads(tuple(loads), np.array(list(loads.values())))).to_file()))
+            for name, mu in (("a", 0.5), ("b", 0.6))}  # fmt: skip
+    files_of = {"a": held["a"], "b": held["b"]}
+    files_of |= {g: made[g] | {"preload": held[name]["answer"]["preload"]} for g, name in (("g", "a"), ("h", "b"))}
+    plan |= {"loads": loads, "fewest_contacts": f"{words} these span"}
+    good = said | {"loads": loads}
+    planned(written, **files_of, plan=plan, c=good)
+    assert files.verify_path(tmp_path).reason == ""
+    cases: list[tuple[dict[str, Any], dict[str, Any], str]] = [
+        (
+            plan,
+            said | {"loads": PLAN_LOADS | {"down": [-1.0, 0, 0, 0, 0, 0]}},
+            "c.json: its loads are not those of plan",
+        ),
+        (plan | {"fewest_contacts": "no number of contacts"}, good, f"fewest_contacts is not '{words} these span'"),
+        (plan | {"verdict": "none"}, good, "NONE with a grasp, or without a contacts_file"),
+        (plan | {"grasps": [], "verdict": "holds"}, good, "HOLDS without a grasp"),
+    ]
+    for its, contacts, why in cases:
+        planned(written, **files_of, plan=its, c=contacts)
+        assert files.verify_path(tmp_path).reason.startswith(why), why
+    for verdict, why in (("none", "NONE with a grasp, or without"), ("undecided", "fewest_contacts is said without a")):
+        its = {key: x for key, x in plan.items() if key != "contacts_file"} | {"verdict": verdict}
+        planned(written, **files_of, plan=its)
+        assert files.verify_path(tmp_path).reason.startswith(why)
+    turned = {"solids": [{"kind": "sphere", "size": [1]}], "friction": 0.0, "contacts": None, "reason": "turning"}
+    claim = files.few_contacts.read_claim(good | turned)
+    grasp = read_grasp(made["g"], "g")
+    assert files._beside(claim, {}, [grasp]).startswith("a grasp has 2 contacts, but no number of contacts on its surf")
+    claim = files.few_contacts.read_claim(good | {"contacts": 3})
+    assert files._beside(claim, {}, [grasp]).startswith("a grasp has 2 contacts, but 1 or 2 contacts on its surface")
+    assert files._beside(files.few_contacts.read_claim(good), {}, [grasp]) == ""

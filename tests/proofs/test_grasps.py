@@ -143,7 +143,8 @@ def test_a_grasp_and_what_it_holds_are_proved() -> None:
     assert parts == {"configuration": "an exact one exists in its box"} | held
     assert all(part.figures == {"exact": True, "residual": 0.0} for part in grasp.parts[1:])
     assert done.not_replayed == (
-        "clearances, scores, lower bounds of commands and the course of the search",
+        "what the answer repeats of its grasps, clearances, scores, lower bounds of commands and the course of the "
+        "search",
         "that the joints of a grasp, what acts on them and what ties them are those of the hand at its configuration, "
         "and in which sense its motors drive them",
         NAMES_CLAIM,
@@ -313,7 +314,7 @@ def test_a_grasp_is_that_of_the_exact_configuration_and_not_of_its_floats() -> N
     raised += [put(G + f"grasp/contacts/{k}/position/2", 2e-5) for k in (0, 1)]
     moved = [put(G + f"{where}joints/left_slide", 0.015001) for where in ("", "existence/")]
     moved += [put(G + "joints/right_slide", 0.015001)]
-    wide, open_ = [1e-8, 1e-8, *[0.002] * 4], [1e-4, 1e-4, *[1e-8] * 4]
+    wide, open_ = [1e-8, 1e-8, *[0.002] * 4], [1e-5, 1e-5, *[3e-9] * 4]
     for changes, radii, what in ((raised, wide, "the point of contact 0"), (moved, open_, "left_slide")):
         assert changed(found(), put(G + "existence/radii", radii)).ok
         done = changed(found(), put(G + "existence/radii", radii), *changes)
@@ -745,3 +746,16 @@ def test_limits_that_are_not_there_are_none() -> None:
         grasps._Terms(Fields(bare, "q"), ["spare"])
     with pytest.raises(BadFile, match=r"^bound\.factor: is -1; 0 or more is needed$"):
         replay_grasps(found() | {"bound": SLIDES | {"factor": -1}})
+
+
+def test_contacts_in_one_place_are_no_grasp_of_a_task() -> None:
+    """4e-15 m apart and 1 m from the origin: the size of the grasp would be that of the hand, or 1 m."""
+    data = found()
+    entry = data["grasps"][0]["grasp"]
+    for contact, y in zip(entry["contacts"], (2e-15, -2e-15), strict=True):
+        contact["position"] = [1.0, y, 0.0]
+    assert not read_grasp(entry, "g").spans
+    assert replay_grasps(data).reason == "grasp 1: its contacts are in one place"
+    entry["contacts"][0]["position"][1] = 1e-13
+    assert read_grasp(entry, "g").spans
+    assert replay_grasps(data).reason == "grasp 1: the point of contact 0 is not that of the configuration"

@@ -158,6 +158,7 @@ class Always:
     directed: Array = field(default_factory=lambda: np.zeros((2, 1)))
     line: Array = field(default_factory=lambda: np.zeros((2, 0)))
     seen: list[Array] = field(default_factory=list)
+    axes: Array = field(default_factory=lambda: np.zeros((2, 0, 3)))
 
     def narrowed(self, boxes: Array) -> tuple[Array, Array, Array]:
         self.seen += list(boxes)
@@ -206,7 +207,7 @@ def test_a_contact_alone_excludes_nothing_but_what_its_axis_does() -> None:
     axes = np.array(PoseBounds.none().axes)
     axes[1, 1, 1] = -0.9  # turned by half a turn
     over = PoseBounds(PoseBounds.none().position, axes)
-    assert impossible(data_of(grip(0.05, pose=over)), (0,)) == Impossibility(True, 1, 1.0)
+    assert impossible(data_of(grip(0.05, pose=over)), (0,)) == Impossibility(True, 1, 1.0, axes=True)
 
 
 # --- the conditions ---------------------------------------------------------------------------------------
@@ -402,3 +403,11 @@ def test_each_box_is_judged_alone() -> None:
     alive, left, _ = narrowed_by(box, np.zeros((4, 1)), far, middle, Interval.of(np.ones((4, 1, 2))), within)
     assert alive.tolist() == [False, True, True, False]
     assert left[1, 0] == pytest.approx([-0.1, 0.1])
+
+
+def test_of_very_many_contacts_nothing_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """3 coordinates and 2 conditions are 6 derivatives."""
+    for most, boxes in ((6, 1), (5, 0)):
+        monkeypatch.setattr(impossibility, "MOST_DERIVATIVES", most)
+        always(monkeypatch, [[0, 4], [0, 0.5], [0, 1]])
+        assert impossible(data_of(grip(0.05)), (0, 1), boxes=1).boxes == boxes

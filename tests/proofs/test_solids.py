@@ -5,6 +5,7 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -435,3 +436,49 @@ def test_a_round_part_may_rise_over_its_corners() -> None:
     """An eighth of a ball of 4 mm rises sqrt 3 - 1 of that over its corners, which are 3.5 or 2.5 mm deep."""
     for z, is_hidden in ((0.0125, True), (0.0135, False)):
         assert within(one([0, 0, z], EIGHTHS[0], radius=0.004)) == is_hidden
+
+
+def test_a_flat_cone_has_all_the_normals_of_its_tip() -> None:
+    """Each of its edges bends by less than counts, 100 of them by 1.6e-6 about the tip."""
+    count, slope = 100, 0.97e-7 * 100 / (2 * np.pi)
+    turns = 2 * np.pi * np.arange(count) / count
+    ring = np.column_stack([np.cos(turns), np.sin(turns), np.full(count, -np.tan(slope))])
+    base, tip = count + 1, count
+    vertices = np.vstack([ring, [[0, 0, 0]], [[0, 0, -1]]])
+    round_ = [(k, (k + 1) % count) for k in range(count)]
+    faces = [[tip, a, b] for a, b in round_] + [[base, b, a] for a, b in round_]
+    parts = read("mesh", vertices=vertices.tolist(), faces=faces).parts()
+    assert parts is not None
+    tips = parts[(parts.points == 0).all(axis=(1, 2))]
+    assert len(tips) == count
+    middle = tips.normals[:, 0]
+    assert np.abs(middle - np.array([0, 0, 1])).max() < 1e-12
+    assert np.linalg.norm(tips.normals[:, 1:, :2], axis=2) == pytest.approx(np.full((count, 2), slope), rel=1e-3)
+    flat = vertices * [1, 1, 0]
+    flat[base] = 0, 0, -1
+    parts = read("mesh", vertices=flat.tolist(), faces=faces).parts()
+    assert parts is not None
+    assert not (parts.points == 0).all(axis=(1, 2)).any()  # but for its faces it has no normals there
+
+
+def test_normals_of_needles_are_those_of_their_corners() -> None:
+    """Two corners that differ in their last digits, 1 mm from the third."""
+    rng = np.random.default_rng(3)
+    turned = 0
+    for _ in range(50):
+        a, along = rng.normal(size=(2, 3))
+        b = a + 1e-3 * along
+        c = b + 3e-16 * rng.normal(size=3)
+        solid = read("mesh", vertices=[a.tolist(), b.tolist(), c.tolist()], faces=[[0, 1, 2]])
+        (normal,), _ = solid._planes
+        exact = [[Fraction(x) for x in v] for v in (a, b, c)]
+        one, two = ([x - y for x, y in zip(v, exact[0], strict=True)] for v in exact[1:])
+        due = np.array([one[i - 2] * two[i - 1] - one[i - 1] * two[i - 2] for i in range(3)])
+        if not any(due):
+            assert np.isnan(normal).all()
+            continue
+        due = (due / max(map(abs, due))).astype(float)
+        assert angle(normal, due) < 1e-15
+        plain = np.cross(b - a, c - a)
+        turned += angle(plain, due) > 1e-6
+    assert turned > 3

@@ -47,6 +47,7 @@ def _text(name: str) -> str:
         "found": lambda: synthesize(pinch(), count=2),
         "none": lambda: synthesize(grip(0.12)),
         "turned": lambda: synthesize(turned(grip(0.05))),
+        "gripped": lambda: synthesize(grip(0.05), count=1),
         "undecided": lambda: synthesize(pinch(LARGE), timeout=None, nodes=2000, seed=3),
     }
     return json.dumps(answers[name]().to_file())
@@ -249,7 +250,10 @@ def test_numbers_that_do_not_follow_are_refused(key: str, by: float) -> None:
 @pytest.mark.parametrize("key", KEYS)
 @pytest.mark.parametrize("by", [3e-10, -3e-10])
 def test_rounding_is_let_pass(key: str, by: float) -> None:
-    assert reason(changed("found", moved(key, by))) == ""
+    """Of lengths, of the object's size."""
+    size = read_task(changed("found", same)["task"]).size if key in ("position", "point") else 1.0
+    assert 0.01 < size <= 1
+    assert reason(changed("found", moved(key, by * size))) == ""
 
 
 def test_a_quaternion_and_its_negative_are_the_same_pose() -> None:
@@ -441,13 +445,14 @@ def test_what_the_checker_finds_of_contacts_by_itself(
 
         def found(of: Any, which: Any, *, origin: bool, shown: bool = shown) -> Any:
             assert (of, which, origin) == (task, (1,) if "position" in by else (0, 1), "position" in by)
-            return SimpleNamespace(boxes=boxes, discarded=0.25, shown=shown)
+            return SimpleNamespace(boxes=boxes, discarded=0.25, shown=shown, axes=shown)
 
         monkeypatch.setattr("handfast.proofs.synthesis.impossible", found)
         monkeypatch.setattr("handfast.proofs.synthesis.impossible_at_every_pose", lambda _: None)
         done = _none(task, searched(by=by))
         assert (done.name, done.figures, done.ok) == ("none", {"boxes": boxes}, shown)
-        assert done.claim == f"{by} exclude each other, by {words} of the checker's own"
+        bounded = ", where axes of the object are bounded" if shown else ""
+        assert done.claim == f"{by} exclude each other{bounded}, by {words} of the checker's own"
         ask = "NONE rests on the search itself, ask it again: "
         share = f"of {by} the checker by itself could discard 25 % of the space in {words}"
         assert done.refused == ("" if shown else ask + share)
@@ -455,7 +460,7 @@ def test_what_the_checker_finds_of_contacts_by_itself(
 
 def test_every_pose_is_asked_for_by_its_own_words(monkeypatch: pytest.MonkeyPatch) -> None:
     task, every = read_task(task_to_dict(grip(0.12))), "all contacts, pose by pose"
-    found = SimpleNamespace(boxes=3, discarded=1.0, shown=True)
+    found = SimpleNamespace(boxes=3, discarded=1.0, shown=True, axes=False)
     monkeypatch.setattr("handfast.proofs.synthesis.impossible_at_every_pose", lambda of: found if of is task else None)
     monkeypatch.setattr("handfast.proofs.synthesis.impossible", lambda *_, **__: None)
     done = _none(task, searched(by=every))
@@ -558,3 +563,80 @@ def test_nothing_but_proofs_numpy_and_flint_is_needed(tmp_path: Path) -> None:
     run = subprocess.run([sys.executable, "-c", HOOK, *files], cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.stderr == ""
     assert run.stdout.split() == ["proved", "proved"]
+
+
+def scaled_down(data: Data, size: float) -> Data:
+    """A gripper and a block with all lengths times a size, and what is said of their configuration."""
+    hand = data["task"]["hand"]
+    slides = {j["name"] for j in hand["joints"] if j["type"] == "prismatic"}
+    for link in hand["links"]:
+        for i in range(3):
+            link["pose"][i][3] *= size
+    for joint in hand["joints"]:
+        joint |= {"anchor": [x * size for x in joint["anchor"]], "limits": [x * size for x in joint["limits"]]}
+        joint["ref"] *= size
+    for side in (contact[name] for contact in data["task"]["contacts"] for name in ("hand", "object")):
+        if "cap" in side:
+            side["cap"] |= {"center": [x * size for x in side["cap"]["center"]], "radius": size * side["cap"]["radius"]}
+        else:
+            side["bezier"] = [[[x * size for x in p] for p in row] for row in side["bezier"]]
+    said, lengths = first(data), {f"position:{i}" for i in range(3)} | {f"joint:{name}" for name in slides}
+    proof = said["existence"]
+    each = zip(proof["dependent"], proof["radii"], strict=True)
+    proof["radii"] = [r * (size if name in lengths else 1) for name, r in each]
+    for joints in (said["joints"], proof["joints"]):
+        joints.update({name: size * joints[name] for name in slides & joints.keys()})
+    for pose in (said["object_pose"], proof):
+        pose["position"] = [x * size for x in pose["position"]]
+    for contact in said["contacts"]:
+        contact["point"] = [x * size for x in contact["point"]]
+    said["slacks"] = {name: x * (size if name in lengths else 1) for name, x in said["slacks"].items()}
+    return data
+
+
+@pytest.mark.parametrize("size", [1.0, 2.0**-30])
+def test_what_is_said_of_a_configuration_counts_beside_the_object(size: float) -> None:
+    """The block is 50 mm wide; fingers move by 40 mm at most."""
+    assert read_task(scaled_down(changed("gripped", same), size)["task"]).size < 0.1 * size
+    assert reason(scaled_down(changed("gripped", same), size)) == ""
+    for by, words in ((3e-9, "are not those of its proof"), (1e-11, "")):
+        for where in ("position", "point", "joints", "slacks"):
+            data = scaled_down(changed("gripped", same), size)
+            at = first(data)
+            if where == "position":
+                at["object_pose"]["position"][0] += by * size
+            elif where == "point":
+                at["contacts"][0]["point"][1] += by * size
+            elif where == "joints":
+                at["joints"] = {name: x + by * size for name, x in at["joints"].items()}
+            else:
+                at["slacks"]["joint:left_slide"] += by * size
+            assert words in reason(data), where
+            assert bool(words) == bool(reason(data)), where
+
+
+def test_a_configuration_that_is_said_is_the_exact_one_and_not_of_a_wide_box() -> None:
+    """The block is touched where both fingers have moved by 15 mm; the floats of a wide box may say 24.9 mm."""
+    data = changed("gripped", same)
+    said = first(data)
+    proof = said["existence"]
+    proof |= {"joints": {"left_slide": 0.0249}, "position": [0, 0.004, 0.095], "quaternion": [1, 0, 0, 0]}
+    proof["contacts"] = [{"link": c["link"], "object": [0.5, 0.5], "hand": None} for c in proof["contacts"]]
+    proof["dependent"] = ["position:1", "joint:left_slide", *(f"contact:{k}:{n}" for k in (0, 1) for n in "st")]
+    proof["radii"] = [0.03, 0.0149, *[1e-4] * 4]
+    done = replay(data)
+    assert done.reason.startswith("configuration 0: position:1 of the exact configuration may be 0.02 from what is")
+    assert done.parts[0].figures["step"] < 1  # there is one in the box
+
+
+def test_bounds_of_axes_are_named_where_they_exclude_contacts() -> None:
+    """Two contacts that a gripper makes, but not with an object that is turned."""
+    data = changed("none", same)
+    data["task"] = changed("gripped", same)["task"]
+    assert not replay(data).ok
+    data["task"]["pose"]["axes"][1] = [[-0.1, 0.1], [-0.1, 0.1], [0.9, 1.0]]
+    done = replay(data)
+    assert done.ok
+    assert done.parts[0].claim.startswith(
+        "contacts 0 and 1 exclude each other, where axes of the object are bounded, by"
+    )

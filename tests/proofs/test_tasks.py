@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 
 from handfast.model.hand.coupling import drivers
 from handfast.proofs import tasks
-from handfast.proofs.fields import BadFile
+from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.regions import read_region
 from handfast.proofs.tasks import read_task
 from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import PoseBounds, Task
@@ -293,8 +295,8 @@ def test_joints_may_be_off_by_the_tolerance_exactly() -> None:
     low, high = task.hand.limits[task.hand.joints.index("ring_proximal")].tolist()
     for proved, joints in (
         ({"index_proximal": 0.0}, {"index_proximal": 1e-9}),
-        ({}, {"ring_proximal": low - 1e-9}),
-        ({}, {"ring_proximal": high + 1e-9}),
+        ({}, {"ring_proximal": low - 0.999e-9}),
+        ({}, {"ring_proximal": high + 0.999e-9}),
     ):
         assert task.misplaced(good | joints, proved) == ""
 
@@ -323,3 +325,43 @@ def test_a_coupling_may_be_missed_by_the_tolerance_exactly() -> None:
     task = read_task(data)
     for value, words in ((1e-9, ""), (-1e-9, ""), (np.nextafter(1e-9, 1), "ring_distal does not follow its coupling")):
         assert task.misplaced(dict.fromkeys(task.hand.joints, 0.1) | {"ring_distal": value}, {}) == words
+
+
+@pytest.mark.parametrize(("part", "extent", "places"), [
+    ({"cap": {"center": [1, 2, 3], "axis": [0, 0, 1], "radius": 0.5, "half_angle": 1.0}}, 0.5, [[1, 2, 3]]),
+    (
+        {"cone_side": {"center": [1, 0, 0], "axis": [0, 0, 1], "x_axis": [1, 0, 0], "radii": [0.5, 0.25],
+                       "angles": [0, 1], "heights": [7, 9]}},
+        2.5, [[1, 0, 0]],
+    ),
+    ({"bezier": [[[0, 0, 0], [3, 0, 0]], [[0, 4, 0], [3, 4, 0]]]}, 0.0, [[0, 0, 0], [3, 0, 0], [0, 4, 0], [3, 4, 0]]),
+])  # fmt: skip
+def test_how_far_regions_reach(part: Data, extent: float, places: list[list[float]]) -> None:
+    region = read_region(Fields(part))
+    assert region.extent == extent
+    assert region.places.tolist() == places
+
+
+def test_the_size_of_a_task_is_that_of_its_object_wherever_that_is() -> None:
+    task = read_task(embedded(pinch()))
+    ball = {"center": [100.0, 0, 0], "axis": [0, 0, 1], "radius": 0.5, "half_angle": 1.0}
+    flat = [[[103.0, 4, 0], [103, 4, 0]], [[103, 4, 0], [103, 4, 0]]]
+    regions = tuple(read_region(Fields(x)) for x in ({"cap": ball}, {"bezier": flat}))
+    task = replace(task, on_object=regions)
+    assert task.size == pytest.approx(5.5)
+    slides = replace(task, hand=replace(task.hand, revolute=np.zeros(len(task.hand.joints), dtype=bool)))
+    assert (task.tolerance(0), slides.tolerance(0)) == (1e-9, pytest.approx(5.5e-9))
+
+
+def test_couplings_are_judged_by_what_they_are_and_not_by_floats() -> None:
+    """1.1 a - 1e14 is 0.00495 where floats make it 0."""
+    data = embedded(pinch())
+    a, b, *_ = (j["name"] for j in data["hand"]["joints"])
+    driver = next(x for k in range(-400, 400) if 1.1 * (x := 1e14 / 1.1 + k * 2.0**-7) == 1e14)
+    data["hand"]["couplings"] = [{"joint": 1, "leader": 0, "ratio": 1.1, "offset": -1e14}]
+    for joint in data["hand"]["joints"]:
+        joint["limits"] = [-1e15, 1e15]
+    task = read_task(data)
+    said = dict.fromkeys(task.hand.joints, 0.0) | {a: driver}
+    assert task.misplaced(said, {}) == f"{b} does not follow its coupling"
+    assert task.misplaced(said | {a: 2.0**47, b: 1.1 * 2.0**47 - 1e14}, {}) == ""

@@ -73,8 +73,9 @@ def _driven(
             return column[f"joint:{lead}"], gain, shift
         shift = gain * first + shift
         size += float(gain.mag[0]) * abs(first)
-    if lower == upper:
-        if not np.abs(shift.mid[0] - lower) <= 16 * MACHINE_EPSILON * size + 16 * UNDERFLOW_BOUND:
+    if lower == upper and path:
+        rounding = 16 * MACHINE_EPSILON * size + 16 * UNDERFLOW_BOUND
+        if not (np.abs(shift.mid[0] - lower) <= rounding and (shift - lower).mag[0] <= task.tolerance(j)):
             stands = f"{lower:.9g} by its limits, at {shift.mid[0]:.9g} by its coupling"
             raise Refused(f"joint {name} is fixed at {stands}")
         # the two agree but for rounding: whichever is meant, a solution exists

@@ -58,6 +58,7 @@ LOST_PLACES = 1e-14  # relative: more than rounding loses of places, over the la
 DIRECTION = 1e-3  # share of the largest of the loads below which a force or a torque counts as no direction
 # of the surface that are looked at together, and how often each is halved, at most
 SURFACE_PARTS, SURFACE_HALVINGS = 6000, 48
+FIRST_PARTS = 1_000_000  # before any is left out: a mesh of 20,000 vertices has 200,000
 CUBE_GRID = 200  # directions along each side of the six faces of a cube
 MAX_LOADS = 10_000
 LOAD_BATCH = 1 << 21  # numbers that are in memory at a time, where loads are looked at beside each other
@@ -241,10 +242,16 @@ class Held:
 
     def _no_line(self) -> bool:
         """Is there no line through the centre of mass along which two contacts can push against each other?"""
-        own = [s.parts() for s in self.solids]
-        if not 0 < self.friction <= MAX_LINE_FRICTION or self.torsion or any(p is None for p in own):
+        if not 0 < self.friction <= MAX_LINE_FRICTION or self.torsion:
             return False
-        parts = SurfaceParts.joined([replace(p, solid=p.solid + k) for k, p in enumerate(own) if p is not None])
+        own, count = [], 0
+        for solid in self.solids:
+            part = solid.parts()
+            count += len(part) if part is not None else FIRST_PARTS + 1
+            if part is None or count > FIRST_PARTS:
+                return False
+            own.append(part)
+        parts = SurfaceParts.joined([replace(p, solid=p.solid + k) for k, p in enumerate(own)])
         for _ in range(SURFACE_HALVINGS):
             parts = parts[self._against(parts)]
             parts = parts[~hidden(parts, self.solids)]
@@ -366,18 +373,40 @@ def read_held(f: Fields) -> tuple[Held, tuple[str, ...]]:
     return Held(solids, center, wrenches, friction, limit, torsion), tuple(named)
 
 
-def replay(data: Any, place: str = "") -> Replay:
+@dataclass(frozen=True, eq=False)
+class Claim:
+    """What a file says: of what, how many contacts at least, and loads (6,) by name."""
+
+    held: Held
+    fewest: Fewest
+    loads: Mapping[str, list[float]]
+
+    @property
+    def words(self) -> str:
+        """In one sentence."""
+        return words(self.fewest)
+
+
+def read_claim(data: Any, place: str = "") -> Claim:
     """The claim of a parsed file. Raises `BadFile`."""
     f = Fields(data, place)
     f.text("schema", among=[SCHEMA])
-    for name in ("object", "reason"):
-        f.text(name)
+    f.text("object")
+    reason = f.text("reason", among=["", *FEWEST_REASONS])
     held, names = read_held(f)
     contacts = f.whole("contacts", least=1) if f.has("contacts") else None
     f.done()
+    return Claim(held, Fewest(contacts, reason), dict(zip(names, held.loads.tolist(), strict=True)))
+
+
+def replay(data: Any, place: str = "") -> Replay:
+    """Is the claim of a parsed file shown? Raises `BadFile`."""
+    claimed = read_claim(data, place)
+    held, contacts, names = claimed.held, claimed.fewest.contacts, claimed.loads
     found = held.fewest()
     limit = f" and normal forces up to {held.force_limit:g} N" if np.isfinite(held.force_limit) else ""
     shown = found.contacts is None or (contacts is not None and contacts <= found.contacts)
+    shown &= claimed.fewest.reason in ("", found.reason)
     said = words(Fewest(contacts, found.reason)) if shown else words(Fewest(contacts))
     limit = f", a torsion of {1e3 * held.torsion:g} mm{limit}" if held.torsion else limit
     if found.reason == "line" and len(held.solids) > 1:

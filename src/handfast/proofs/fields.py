@@ -188,18 +188,18 @@ def refuse_unknown(name: str, known: Sequence[str], kind: str, field: str) -> No
         raise BadFile(f"has unknown {kind} '{name}'; known are {', '.join(known) or 'none'}", field)
 
 
-def same(a: Any, b: Any) -> bool:
-    """Equal JSON; numbers within `EQUALITY_TOLERANCE`, relative, or absolute below 1."""
+def same(a: Any, b: Any, relative: float = EQUALITY_TOLERANCE) -> bool:
+    """Equal JSON; numbers within `EQUALITY_TOLERANCE`, or `relative` to their size."""
     if type(a) is float and type(b) is float:
-        return abs(a - b) <= EQUALITY_TOLERANCE * max(1.0, abs(b))
+        return abs(a - b) <= max(EQUALITY_TOLERANCE, relative * abs(b))
     if isinstance(a, Mapping) and isinstance(b, Mapping):
-        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
+        return a.keys() == b.keys() and all(same(a[k], b[k], relative) for k in a)
     if isinstance(a, list | tuple) and isinstance(b, list | tuple):
-        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+        return len(a) == len(b) and all(same(x, y, relative) for x, y in zip(a, b, strict=True))
     if isinstance(a, bool) or isinstance(b, bool):
         return a is b
     if isinstance(a, float | int) and isinstance(b, float | int):
-        return bool(abs(a - b) <= EQUALITY_TOLERANCE * max(1.0, abs(b)))
+        return bool(abs(a - b) <= max(EQUALITY_TOLERANCE, relative * abs(b)))
     return bool(a == b)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,22 +88,31 @@ def verify_path(path: str | Path) -> Replay:
     if not is_folder:
         return verify(read_json(path))
     plan = Fields(read_json(path / PLAN_FILE, PLAN_FILE), PLAN_FILE)
-    entries = [*plan.objects("grasps", []), *plan.objects("others", [])]
+    best = list(plan.objects("grasps", []))
+    entries = [*best, *plan.objects("others", [])]
     if not entries and not plan.has("contacts_file"):
         raise BadFile("names no grasps", plan.at("grasps"))
-    asked = plan.object("loads") if entries else Fields({})
+    asked = plan.object("loads") if entries or plan.has("loads") else Fields({})
     loads = {name: asked.numbers(name, (6,)) for name in asked.names()}
     known: list[GraspData] = []
     parts = [_planned(path, entry, loads, known) for entry in entries]
+    verdict, words = plan.take("verdict", None), plan.take("fewest_contacts", None)
+    wrong = "HOLDS without a grasp" if verdict == "holds" and not best else ""
+    if verdict == "none" and (entries or not plan.has("contacts_file")):
+        wrong = "NONE with a grasp, or without a contacts_file"
     if plan.has("contacts_file"):
         name, data = _of_folder(path, plan, "contacts_file", few_contacts.SCHEMA)
-        parts.append(Replay(name, parts=(verify(data, name),)))
-    return Replay("plan", parts=tuple(parts), not_replayed=(OF_PLAN,))
+        shown, due = verify(data, name), few_contacts.read_claim(data, name)
+        parts.append(Replay(name, "", _beside(due, loads, known), parts=(shown,)))
+        wrong = wrong or ("" if words in (None, due.words) else f"fewest_contacts is not '{due.words}'")
+    elif words is not None:
+        wrong = wrong or "fewest_contacts is said without a contacts_file"
+    return Replay("plan", "", wrong, parts=tuple(parts), not_replayed=(OF_PLAN,))
 
 
 OF_PLAN = (
     "that contacts and joints are those of the hand on the object, clearances, margins and scores in plan.json, what "
-    "became of other attempts"
+    "became of other attempts, how many contacts are allowed"
 )
 
 
@@ -115,6 +124,14 @@ def _of_folder(folder: Path, f: Fields, key: str, schema: str) -> tuple[str, Any
     data = read_json(folder / name, name)
     Fields(data, name).text("schema", among=[schema])
     return name, data
+
+
+def _beside(said: few_contacts.Claim, loads: Mapping[str, Array], grasps: Sequence[GraspData]) -> str:
+    """What of a claim how many contacts it takes does not go with the plan's loads and grasps; "" if all does."""
+    if loads and {name: w.tolist() for name, w in loads.items()} != said.loads:
+        return f"its loads are not those of {PLAN_FILE}"
+    few = [g.m for g in grasps if g.m <= said.fewest.most]
+    return f"a grasp has {few[0]} contacts, but {said.words}" if few else ""
 
 
 def _planned(folder: Path, entry: Fields, loads: Mapping[str, Array], known: list[GraspData]) -> Replay:

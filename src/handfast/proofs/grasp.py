@@ -175,16 +175,25 @@ class GraspData:
         return np.asarray(self.positions.mean(axis=0))
 
     @cached_property
+    def _radius(self) -> float:
+        """[m] the largest distance of a contact from the contacts' centroid."""
+        return float(np.linalg.norm(self.positions - self.centroid, axis=1).max())
+
+    @property
+    def spans(self) -> bool:
+        """Are contacts apart, but for rounding?"""
+        return self._radius > LENGTH_ROUNDING * float(np.abs(self.positions).max())
+
+    @cached_property
     def size(self) -> float:
         """[m] the largest distance of a contact from the contacts' centroid.
 
         Where that is none but for rounding: the largest distance of a contact from a joint that turns it, else from
         the origin; 1 if there is no length at all.
         """
-        r = float(np.linalg.norm(self.positions - self.centroid, axis=1).max())
+        if self.spans:
+            return self._radius
         far = float(np.abs(self.positions).max())
-        if r > LENGTH_ROUNDING * far:
-            return r
         arms = np.linalg.norm(self.positions[:, None] - self.origins[None], axis=2) * (self.moves & self.revolute)
         return float(arms.max(initial=0.0)) or far or 1.0
 

@@ -35,12 +35,14 @@ from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
 from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
-from handfast.proofs.tasks import JOINT_VALUE_TOLERANCE, TaskData, read_task
+from handfast.proofs.tasks import TaskData, read_task
 from handfast.proofs.unbalanced import Placements, replay_unbalanced
 
 SCHEMA = "handfast/grasps/1"
 SOLIDS_CLAIM = "that the solids are those of hand and object"
-GRASPS_NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
+GRASPS_NOT_REPLAYED = (
+    "what the answer repeats of its grasps, clearances, scores, lower bounds of commands and the course of the search"
+)
 JOINTS_CLAIM = (
     "that the joints of a grasp, what acts on them and what ties them are those of the hand at its configuration, and "
     "in which sense its motors drive them"
@@ -220,18 +222,20 @@ def _elsewhere(grasp: GraspData, joints: Mapping[str, float], equations: Contact
     """
     task = equations.task
     links = tuple(task.hand.links[link].name for link in task.links)
+    if grasp.m > 1 and not grasp.spans:
+        return "its contacts are in one place"
     if grasp.links != links:
         return f"its contacts are of {', '.join(grasp.links)}; those of the task are of {', '.join(links)}"
     at = equations.sides.object.at(x)
-    point, slope = at.point.value[0], at.point.slope
-    size = min(grasp.size, float(point.mag.max() + slope.mag.max()))  # joints may be anywhere
+    point = at.point.value[0]
+    size = min(grasp.size, task.size)  # joints may be anywhere
     near = (point - grasp.positions).mag.max(axis=1) <= EQUALITY_TOLERANCE * size
     along = (at.normal.value[0] + grasp.frames[:, :, 0]).mag.max(axis=1) <= EQUALITY_TOLERANCE
     for right, what in ((near, "point"), (along, "normal")):
         if not right.all():
             return f"the {what} of contact {right.argmin()} is not that of the configuration"
-    for name in (task.hand.joints[j] for j in task.free):
-        if not (x[0, equations.column[f"joint:{name}"]] - joints[name]).mag <= JOINT_VALUE_TOLERANCE:
+    for j, name in ((j, task.hand.joints[j]) for j in task.free):
+        if not (x[0, equations.column[f"joint:{name}"]] - joints[name]).mag <= task.tolerance(j):
             return f"{name} is not that of the configuration"
     return ""
 

@@ -33,6 +33,7 @@ from handfast.proofs.tasks import TaskData
 REFUTATION_BOXES = 20_000  # that are looked at before the question is left open
 REFUTATION_BATCH = 64  # boxes that are looked at together
 MANY_DERIVATIVES = 2_000  # derivatives of all conditions, beyond which boxes and batches are fewer
+MOST_DERIVATIVES = 1_000_000  # beyond which nothing is tried: hundreds of contacts
 MIN_BOX_SHARE = 1e-6  # of the whole: a box with no longer side could be halved for ever
 BOUND_INFLATION = 1 + 1e-9  # over the rounding of a bound
 CONE_ROUNDING = 1e-9  # more than the rounding of a cone about the bounds of an axis
@@ -46,11 +47,13 @@ class Impossibility:
         shown: is none left? Then the contacts cannot be made together.
         boxes: how many were looked at.
         discarded: share of the space that no configuration is in.
+        axes: are bounds of the object's axes among the conditions?
     """
 
     shown: bool
     boxes: int
     discarded: float
+    axes: bool = False
 
 
 def impossible(
@@ -67,7 +70,7 @@ def impossible(
         seen, discarded = 0, 0.0
         whole = np.ptp(conditions.root, axis=1)
         count = sum(index.shape[1] for index in (conditions.two, conditions.directed, conditions.line))
-        if not count:
+        if not count or len(whole) * count > MOST_DERIVATIVES:
             return Impossibility(False, 0, 0.0)  # a contact alone excludes nothing
         more = max(1.0, len(whole) * count / MANY_DERIVATIVES)
         boxes, batch = int(boxes / more), max(1, int(REFUTATION_BATCH / more))
@@ -90,7 +93,7 @@ def impossible(
                 low[k, 1] = high[k, 0] = box[k].mean()
                 stack += [low, high]
                 share += [its / 2] * 2
-        return Impossibility(not stack, seen, 1.0 if not stack else discarded)
+        return Impossibility(not stack, seen, 1.0 if not stack else discarded, conditions.axes.size > 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,6 +51,19 @@ class RegionData:
         """[rad] of a cap; pi is a whole sphere."""
         return float(self.numbers["half_angle"])
 
+    @property
+    def places(self) -> Array:
+        """(n, 3) [m] its control points, or the centre about which it is."""
+        its = self.numbers
+        return its["bezier"].reshape(-1, 3) if self.kind == "bezier" else its["center"][None]
+
+    @property
+    def extent(self) -> float:
+        """[m] how far it reaches beyond its `places`, about."""
+        its = self.numbers
+        sides = float(np.ptp(its["heights"]) + its["radii"].max()) if "heights" in its else 0.0
+        return sides or (self.radius if self.ball else 0.0)
+
 
 class Surface(NamedTuple):
     """(N, P, 3) each, with derivatives (2, N, P, 3) by their own parameters."""

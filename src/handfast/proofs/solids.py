@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, cross, floats, rationals
 
 SOLID_SIZES = {"mesh": 0, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
 EQUAL_NORMAL_ANGLE = 1e-7  # [rad] normals that differ by less are one
+MIN_SINE = 1e-6  # of two sides of a triangle: above it floats have the normal to 1e-9 rad
 MAX_NORMAL_CONE = 1.4  # [rad] half the angle of a cone of normals; a wider one has no middle that is worth anything
 # of an object's length: solids that are this near touch; one that goes so far beyond a point covers it
 SOLID_TOUCH_DISTANCE, COVER_DISTANCE = 1e-5, 2e-5
@@ -180,8 +181,19 @@ class ConvexSolid:
         a, b, c = self.vertices[self.faces].swapaxes(0, 1)
         normal = np.cross(b - a, c - a)
         with np.errstate(all="ignore"):
-            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+            size = np.linalg.norm(normal, axis=1, keepdims=True)
+            sides = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+            for k in np.flatnonzero(~(size[:, 0] > MIN_SINE * sides)):  # rounding would turn the normal
+                normal[k] = self._normal(self.faces[k])
+                size[k] = np.linalg.norm(normal[k])
+            normal /= size
         return normal, (a * normal).sum(axis=1)
+
+    def _normal(self, face: Integers) -> Array:
+        """(3,) along a face's normal, of rational numbers rounded once; 0 where it has no area."""
+        a, b, c = (rationals(v) for v in self.vertices[face].tolist())
+        exact = cross([x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)])
+        return floats([x / (max(map(abs, exact)) or 1) for x in exact])
 
     def _of_mesh(self) -> SurfaceParts | None:
         corners, (normal, _) = self.vertices[self.faces], self._planes
@@ -195,20 +207,24 @@ class ConvexSolid:
         if len(other) != len(edges) or not other.keys() >= set(edges):
             return None
         across = face[[other[edge] for edge in edges]]
-        bent = angle(normal[face], normal[across]) > EQUAL_NORMAL_ANGLE
-        start, left, right = starts[bent], normal[face[bent]], normal[across[bent]]
         middle = np.zeros_like(self.vertices)
         np.add.at(middle, starts, normal[face])
         length = np.linalg.norm(middle, axis=1, keepdims=True)
         middle /= np.maximum(length, 1e-300)
-        at = np.repeat(self.vertices[start][:, None], 3, axis=1)
-        edge = np.stack([self.vertices[start], self.vertices[ends[bent]], self.vertices[start]], axis=1)
-        once = starts[bent] < ends[bent]
+        spread = np.zeros(len(middle))  # of the normals at a vertex: many edges that are all but flat may make a corner
+        np.maximum.at(spread, starts, angle(normal[face], middle[starts]))
+        bent = np.flatnonzero((starts < ends) & (angle(normal[face], normal[across]) > EQUAL_NORMAL_ANGLE))
+        edge = self.vertices[np.stack([starts, ends, starts], axis=1)[bent]]
+        fan = np.flatnonzero((spread[starts] > EQUAL_NORMAL_ANGLE / 2) & (normal[face] != normal[across]).any(axis=1))
+        left, right = normal[face], normal[across]
         return SurfaceParts.joined(
             [
                 SurfaceParts.of(corners, np.repeat(normal[:, None], 3, axis=1)),
-                SurfaceParts.of(edge[once], np.stack([left, right, left], axis=1)[once]),
-                SurfaceParts.of(at, np.stack([middle[start], left, right], axis=1)),
+                SurfaceParts.of(edge, np.stack([left, right, left], axis=1)[bent]),
+                SurfaceParts.of(
+                    np.repeat(self.vertices[starts[fan]][:, None], 3, axis=1),
+                    np.stack([middle[starts], left, right], axis=1)[fan],
+                ),
             ]
         )
 

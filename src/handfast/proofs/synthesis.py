@@ -11,17 +11,18 @@ that the numbers of the task are those of the hand that it names.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from handfast.proofs.configurations import examined, read_existence
+from handfast.proofs.configurations import examined, read_existence, solution
 from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.proofs.contact_equations import ContactEquations, Values
-from handfast.proofs.fields import Array, BadFile, Fields, numbers, same
+from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
+from handfast.proofs.intervals import MACHINE_EPSILON
 from handfast.proofs.pose_by_pose import impossible_at_every_pose
 from handfast.proofs.replay import SEARCH_STOPS, Refused, Replay
 from handfast.proofs.tasks import TaskData, read_task
@@ -125,7 +126,8 @@ def _none(task: TaskData, searched: _Searched | None) -> Replay:
     except Refused as why:
         return Replay("none", "", f"{ask}: {why}")
     figures, boxes = {"boxes": done.boxes}, "1 box" if done.boxes == 1 else f"{done.boxes} boxes"
-    claim = f"{by} exclude each other, by {boxes} of the checker's own"
+    bounded = ", where axes of the object are bounded" if done.axes else ""
+    claim = f"{by} exclude each other{bounded}, by {boxes} of the checker's own"
     share = f"{100 * done.discarded:.3g} % of the space in {boxes}"
     fault = "" if done.shown else f"{ask}: of {by} the checker by itself could discard {share}"
     return Replay("none", claim, fault, figures)
@@ -151,7 +153,7 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
             moved = {
                 task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)
             }
-            fault = _difference(task, follows, moved, beside)
+            fault = _farther(equations, at, done) or _difference(task, follows, moved, beside)
             done = Replay(done.name, done.claim, fault, done.figures)
             places.append(_features(task, moved, at))
         parts.append(done)
@@ -161,6 +163,20 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
         fault = "" if same(spread, due) else f"is {spread}, of these configurations {due}"
         parts.append(Replay("spread", "", fault))
     return tuple(parts)
+
+
+def _farther(equations: ContactEquations, at: Values, shown: Replay) -> str:
+    """Which coordinate of the exact configuration is not that of the floats, but for rounding; '' if all are."""
+    task, off = equations.task, (solution(at, shown.figures) - at.coordinates[:1]).mag[0]
+    allowed = np.full(len(off), EQUALITY_TOLERANCE)
+    allowed[equations.place] *= task.size
+    for j in task.free:
+        allowed[equations.column[f"joint:{task.hand.joints[j]}"]] = task.tolerance(j)
+    if (off <= allowed).all():
+        return ""
+    k = int(np.argmax(off / np.maximum(allowed, 1e-300)))
+    label = list(equations.column)[k]
+    return f"{label} of the exact configuration may be {off[k]:.2g} from what is said, at most {allowed[k]:.2g} counts"
 
 
 def _following(
@@ -194,8 +210,20 @@ def _difference(task: TaskData, due: dict[str, Any], moved: Mapping[str, float],
     if isinstance(pose, Mapping) and "quaternion" in pose:
         q = numbers(pose["quaternion"], (4,), "object_pose.quaternion")
         due["object_pose"]["quaternion"] = (turned if q @ turned >= 0 else -turned).tolist()
-    wrong = [name for name in due if not same(due[name], said[name])]
+    lengths = {"position", "point", *(f"position:{i}" for i in range(3))}
+    lengths |= {f"joint:{name}" for name, turns in zip(task.hand.joints, task.hand.revolute, strict=True) if not turns}
+    one, other = (_in_sizes(x, lengths, task.size) for x in (due, {name: said[name] for name in due}))
+    wrong = [name for name in due if not same(one[name], other[name], 16 * MACHINE_EPSILON)]
     return f"{wrong[0]} are not those of its proof" if wrong else ""
+
+
+def _in_sizes(x: Any, lengths: Collection[str], size: float, name: str = "") -> Any:
+    """Parsed JSON with the numbers of some names over a size."""
+    if isinstance(x, Mapping):
+        return {key: _in_sizes(value, lengths, size, key) for key, value in x.items()}
+    if isinstance(x, list):
+        return [_in_sizes(value, lengths, size, name) for value in x]
+    return x / max(size, 1e-300) if name in lengths and isinstance(x, float) else x
 
 
 def _features(task: TaskData, moved: Mapping[str, float], at: Values) -> Array:

@@ -15,12 +15,25 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.fields import Array, BadFile, Fields, Mask, number, numbers, refuse_unknown, texts
+from handfast.proofs.fields import (
+    ZERO,
+    Array,
+    BadFile,
+    Fields,
+    Mask,
+    number,
+    numbers,
+    rational,
+    rationals,
+    refuse_unknown,
+    texts,
+)
 from handfast.proofs.regions import RegionData, read_region
 
 JOINT_KINDS = "revolute", "prismatic"
 MAX_TASK_PARTS = 1000  # links, joints, contacts at most
-JOINT_VALUE_TOLERANCE = 1e-9  # [rad, m] by which the value that is said of a joint may miss what it has to be
+# [rad], or of `TaskData.size`: by which the value that is said of a joint may miss what it has to be
+JOINT_VALUE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -116,6 +129,16 @@ class TaskData:
         limits = self.hand.limits
         return tuple(j for j, path in self.moving.items() if not path and limits[j, 0] < limits[j, 1])
 
+    @cached_property
+    def size(self) -> float:
+        """[m] of the object, as its regions tell: how far they are apart, and what they span."""
+        places = np.concatenate([region.places for region in self.on_object])
+        return float(np.linalg.norm(np.ptp(places, axis=0))) + max(region.extent for region in self.on_object)
+
+    def tolerance(self, joint: int) -> float:
+        """[rad, m] by which the value that is said of a joint may miss what it has to be."""
+        return JOINT_VALUE_TOLERANCE * (1.0 if self.hand.revolute[joint] else self.size)
+
     def part(self, contacts: Sequence[int]) -> TaskData:
         """The task of some of the contacts alone."""
         on_hand, on_object = (tuple(those[k] for k in contacts) for those in (self.on_hand, self.on_object))
@@ -126,15 +149,17 @@ class TaskData:
         hand = self.hand
         if joints.keys() != set(hand.joints):
             return f"the joints are {', '.join(hand.joints)}"
+        q = {name: rational(value) for name, value in joints.items()}
         for j, name in enumerate(hand.joints):
-            if name in proved and not abs(joints[name] - proved[name]) <= JOINT_VALUE_TOLERANCE:
+            off = rational(self.tolerance(j))
+            if name in proved and not abs(q[name] - rational(proved[name])) <= off:
                 return f"{name} is not at the value that is proved"
-            lower, upper = hand.limits[j].tolist()
-            if not lower - JOINT_VALUE_TOLERANCE <= joints[name] <= upper + JOINT_VALUE_TOLERANCE:
+            lower, upper = rationals(hand.limits[j].tolist())
+            if not lower - off <= q[name] <= upper + off:
                 return f"{name} is beyond its limits"
             if (c := hand.couplings.get(j)) is not None:
-                driver = joints[hand.joints[c.driver]] if c.driver >= 0 else 0.0
-                if not abs(joints[name] - c.ratio * driver - c.offset) <= JOINT_VALUE_TOLERANCE:
+                driver = q[hand.joints[c.driver]] if c.driver >= 0 else ZERO
+                if not abs(q[name] - rational(c.ratio) * driver - rational(c.offset)) <= off:
                     return f"{name} does not follow its coupling"
         return ""
 

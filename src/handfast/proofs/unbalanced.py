@@ -39,6 +39,7 @@ import numpy as np
 
 from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
+from handfast.proofs.grasp import LENGTH_ROUNDING
 from handfast.proofs.intervals import Dual, Interval, cross, dot, join, sqr, sqrt, unit
 from handfast.proofs.regions import ContactSide, RegionData
 from handfast.proofs.replay import Figure, Refused, Replay
@@ -423,7 +424,8 @@ class Placements:
         f, moment = ((weights * sqrt(sqr(a).sum()).hi).sum(axis=1) * (1 + weights.shape[1] * 1e-14) for a in each)
         of_force = f if p.shape[1] == 1 else f + moment / smallest
         enough = np.maximum(f, moment) > MIN_FORCE_SCALE
-        enough &= (p.shape[1] > 1) | (not self.torsion)
+        far = (p + about[:, None]).mag.max(axis=(1, 2))  # contacts in one place have no size either
+        enough &= (smallest > 2 * LENGTH_ROUNDING * far) if p.shape[1] > 1 else not self.torsion
         return _Scales(c, of_force, f * largest + moment, p.shape[1], enough)
 
     def line_distance(self, center: Array) -> float:
