@@ -617,10 +617,35 @@ def test_the_sense_of_a_command_is_that_of_the_question() -> None:
 
 def test_what_is_shown_may_differ_by_rounding_only() -> None:
     data = saved("check holds")
-    put("answer", "contacts", 0, "normal_force", to=times(1 + 1e-14))(data)
-    assert verify(data).ok
-    put("answer", "contacts", 0, "normal_force", to=times(1 + 1e-5))(data)
-    assert reason(data) == "answer: contacts is not what the rest of the file shows"
+    """What is a sum, by 10^-14 of its terms; what is copied not at all."""
+    for name, by, key in (
+        ("contacts", 9e-15, "friction_force"),
+        ("contacts", -2e-14, "friction_force"),
+        ("contacts", 1e-15, "normal_force"),
+    ):
+        data = saved("check holds")
+        put("answer", name, 0, key, to=times(1 + by))(data)
+        assert verify(data).ok == (by == 9e-15)
+        if by != 9e-15:
+            assert reason(data) == f"answer: {name} is not what the rest of the file shows"
+
+
+def test_numbers_of_a_state_count_each_by_itself() -> None:
+    """Where a force of another joint is 10^10 times as large, that of this one is told as it is, too."""
+    for key in ("joint_torques", "actuator_forces", "joint_motion"):
+        data = saved("check holds")
+        told = data["answer"][key]
+        name = min(told, key=lambda k: abs(told[k]))
+        for by, right in ((0.0, True), (1e-9 * max(map(abs, told.values())), False)):
+            data["answer"][key] = told | {name: told[name] + by}
+            assert verify(data).ok == right
+
+
+def test_commands_that_are_told_are_those_that_are_proved() -> None:
+    data = json.loads(json.dumps(torques(pinch(), w(0, 1, 0)).to_file()))
+    name, value = next(iter(data["answer"]["preload"].items()))
+    data["answer"]["preload"][name] = np.nextafter(value, 1.0)
+    assert reason(data) == "answer: preload is not what the rest of the file shows"
 
 
 def test_numbers_are_numbers() -> None:

@@ -330,18 +330,19 @@ def test_sizes_by_hand(small: GraspData) -> None:
     assert small.centroid.tolist() == [0.25, -0.125, 0.125]
     assert small.size == pytest.approx(np.sqrt(0.09375), rel=1e-15)  # (1/4, 1/8, -1/8) to contact 0
     assert small.joint_units.tolist() == [small.size, 1.0, small.size]
-    # columns of J: (1/4), (1, -1), (1/4, 1/4)
-    np.testing.assert_allclose(small.joint_arms, [0.25, np.sqrt(2), np.sqrt(0.125)], rtol=1e-15)
-    # pull: the less of 0.25 / 2 and sqrt(2) / 1; push: 0.3536 / 0.5; back: 0.3536 / 4
-    np.testing.assert_allclose(small.actuator_arms, [0.125, np.sqrt(0.5), np.sqrt(0.125) / 4], rtol=1e-15)
+    # columns of J, and how far the soft finger turns times its lever: (1/4, 1/2), (1, -1), (1/4, 1/4)
+    turn = np.sqrt(5 / 16)
+    np.testing.assert_allclose(small.joint_arms, [turn, np.sqrt(2), np.sqrt(0.125)], rtol=1e-15)
+    # pull: the less of 0.56 / 2 and sqrt(2) / 1; push: 0.3536 / 0.5; back: 0.3536 / 4
+    np.testing.assert_allclose(small.actuator_arms, [turn / 2, np.sqrt(0.5), np.sqrt(0.125) / 4], rtol=1e-15)
 
 
 def test_units_of_rows_by_hand(small: GraspData) -> None:
     """How much each moves where r, turns over the size, and joints over their arms are 1."""
-    size, pull, push, slide = np.sqrt(0.09375), 2 / 0.25, 0.5 / np.sqrt(0.125), np.sqrt(0.5)
-    np.testing.assert_allclose(small.column_units, [1, 1, 1, *[1 / size] * 3, 4, slide, np.sqrt(8)])
+    size, turn, push, slide = np.sqrt(0.09375), np.sqrt(16 / 5), 0.5 / np.sqrt(0.125), np.sqrt(0.5)
+    np.testing.assert_allclose(small.column_units, [1, 1, 1, *[1 / size] * 3, turn, slide, np.sqrt(8)])
     # along t1 of contact 0: y, 1/2 about z, and the slide; pull: 2 of turn and 1 of slide; push: 1/2 of roll
-    wanted = {1: np.sqrt(1 + 0.25 / 0.09375 + 0.5), 7: np.hypot(pull, slide), 8: push, 11: 4, 14: 1}
+    wanted = {1: np.sqrt(1 + 0.25 / 0.09375 + 0.5), 7: np.hypot(2 * turn, slide), 8: push, 11: turn, 14: 1}
     np.testing.assert_allclose(small.row_units[[*wanted]], [*wanted.values()])
     assert small.contact_rows.tolist() == [[0, 1, 2, 6], [3, 4, 5, 14]]  # the last is none
 

@@ -793,7 +793,7 @@ def test_what_every_answer_says_is_compared(proved: Proved | None, monkeypatch: 
     for saved, certified, cap in ((one, True, 7.0), (replace(one, certificate=None), False, None)):
         answers._compare(saved, query, proved, cap)  # type: ignore[arg-type]
         shown = own | state | {"certified": certified, "motion_cap": cap, "lower": 3.0}
-        assert asked.pop() == (saved.said, shown, answers.COURSE_KEYS)
+        assert asked.pop() == (saved.said, shown, answers.COURSE_KEYS, None)
 
 
 def test_of_a_check_its_state_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -192,15 +192,19 @@ def test_what_comes_after_a_backdrivable_motor_has_its_rows() -> None:
 
 @pytest.mark.parametrize(("sums", "more"), [(False, False), (True, False), (False, True)])
 def test_what_counts_as_much_as_a_force_of_one_newton(sums: bool, more: bool) -> None:
-    """By hand: contacts sqrt(3/32) from their middle, which is as far from the origin; joints 1/4, sqrt 2, sqrt(1/8).
+    """By hand: contacts sqrt(3/32) from their middle, which is as far from the origin; joints sqrt(5/16), with the soft
+    finger's turning, sqrt 2 and sqrt(1/8).
 
-    "pull" moves turn by half and slide by 1, "push" roll by 2, "back" by 1/4; the coupling slide by 1/3, roll by 1.
+    While "pull" is held, turn by 1 moves slide by 2. The couplings move slide with roll, by a third, and turn by 4 with
+    both. What is passed on so far counts for forces: of "push" half of roll, of "back" 4 times as much.
     """
     of, size = small(sums, more), np.sqrt(3 / 32)
-    joints = np.array([0.25, np.sqrt(2), np.sqrt(1 / 8)])
-    tied = [np.sqrt(1 / 8), np.sqrt(1 / 8) / 8][: 1 + more]
-    motors = np.array([0.25 / 2, 2 * np.sqrt(1 / 8), np.sqrt(1 / 8) / 4])
-    state = [*[2.0] * 3, *[1 / size] * 3, *1 / joints, *[1.0] * (7 + more), *motors, *tied, *joints]
+    joints = np.array([np.sqrt(5 / 16), np.sqrt(2), np.sqrt(1 / 8)])
+    together = np.sqrt(1 + 1 / 9 + 4 + 1 / 16 + 1 / 144) if more else np.sqrt(1 / 9 + 1 / 16 + 1 / 144)  # for roll by 1
+    far = np.array([2 * np.sqrt(2), 3 * together if more else np.sqrt(2), together])
+    tied = [max(far[1] / 3, far[2]), far[0] / 2][: 1 + more]
+    motors = np.array([np.sqrt(2), 2 * together, together / 4])
+    state = [*[2.0] * 3, *[1 / size] * 3, *1 / joints, *[1.0] * (7 + more), *motors, *tied, *far]
     sought = motors[:2]
     wanted = [*state * 3, 1, 1, *sought, sought.sum() if sums else sought.max()]
     np.testing.assert_allclose(of.units, wanted, rtol=1e-14)
@@ -247,21 +251,23 @@ def test_a_bound_is_not_rounded_up() -> None:
 
 
 def test_what_is_left_over_counts_by_its_unit() -> None:
-    """m - x / 10^9 >= 3, where x is a motion of "turn", of which 4 is as much as 1 N: times 10^6 times the load."""
+    """m - x / 10^9 >= 3, where x is a motion of "turn", of which sqrt(16/5) is as much as 1 N: times a million."""
     of = small(False)
     row = PathRow({of.measure: fmpq(1), of.at(0, 1): fmpq(-1, 10**9)}, fmpq(3), False)
-    assert of.shown([row], [1.0]) == pytest.approx(3 - 4e-9 * of.reach, rel=1e-9)
+    assert of.shown([row], [1.0]) == pytest.approx(3 - np.sqrt(16 / 5) * 1e-9 * of.reach, rel=1e-9)
 
 
 def test_a_bound_reaches_far_beyond_all_that_acts() -> None:
     """The load, what commands, limits and given torques press with, and torques of joints that move no contact."""
     of = small(False)
-    assert drives(of.question) == pytest.approx(48)  # the backdrivable motor's 0.5, 1/96 m at the contact
-    assert of.reach == pytest.approx(48 * STATE_REACH)
+    most = 0.5 * 24 / np.sqrt(5 / 16)  # [N] of the backdrivable motor's 0.5 N m, where the tendon turns "turn"
+    assert drives(of.question) == pytest.approx(most)
+    assert of.reach == of.scale * STATE_REACH
+    assert of.scale > most
     heavy = replace(of, question=replace(of.question, wrench=2 * of.question.wrench))
     assert heavy.reach == STATE_REACH * heavy.scale
     light = replace(of, question=replace(of.question, wrench=1e-3 * of.question.wrench))
-    assert light.reach == pytest.approx(48 * STATE_REACH)
+    assert light.reach == pytest.approx(most * STATE_REACH)
     idle = replace(light.question.grasp, moves=light.question.grasp.moves & False, torque=np.array([0.0, 7e3, 0]))
     far = replace(light, question=replace(light.question, grasp=idle))
     assert far.reach == pytest.approx(7e3 * STATE_REACH)
@@ -270,16 +276,16 @@ def test_a_bound_reaches_far_beyond_all_that_acts() -> None:
 def test_how_far_states_go_in_units() -> None:
     """Motions of all together, forces of each: an actuator's and a joint's over their arms."""
     of = small(False)
-    g, none = of.question.grasp, np.zeros
+    none = np.zeros
     state = State(none(6), none(3), none(6), none(3), none(1), none(3), none(2))
-    arm, unit = g.actuator_arms[1], of.units[of.at(0, 1)]
+    arm, unit = of.units[of.at(0, 4, 1)], of.units[of.at(0, 1)]
     for more, size in (
         ({}, 0.0),
         ({"q": np.array([3.0, 0, 0])}, 6 / unit),
         ({"c": np.array([0, 0, -5.0, 0, 0, 0])}, 5.0),
         ({"f": np.array([0, 2.0, 0])}, 2 / arm),
         ({"coupling": np.array([2.0])}, 2 / of.units[of.at(0, 5)]),
-        ({"reaction": np.array([0, 0, 4.0])}, 4 / g.joint_arms[2]),
+        ({"reaction": np.array([0, 0, 4.0])}, 4 / of.units[of.at(0, 6, 2)]),
     ):
         x = replace(state, **more)
         assert of.size_of([x, replace(x, q=-x.q)]) == pytest.approx(size)

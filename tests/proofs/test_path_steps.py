@@ -281,15 +281,21 @@ def test_a_stop_counts_by_what_couplings_move(stop: str, ratio: float, factor: f
 
 def test_only_the_load_alone_may_be_scaled() -> None:
     driven, alone = (read_path(check(jaw(command=x), [1, 0, 0], loading=FIRST).to_file()).question for x in (1.0, 0.0))
-    assert is_scale_free(alone)
-    assert not is_scale_free(driven)
-    assert not is_scale_free(replace(alone, force_limit=2.0))
-    assert not is_scale_free(replace(alone, torque_limits={"jaw": 2.0}))
+    g = alone.grasp
+    assert is_scale_free(alone, g)
+    assert not is_scale_free(driven, g)
+    assert not is_scale_free(replace(alone, force_limit=2.0), g)
+    assert not is_scale_free(replace(alone, torque_limits={"jaw": 2.0}), g)
     for name in ("command", "torque", "friction"):  # whether they meet a contact or not
         acting = replace(alone.grasp, moves=alone.grasp.moves & False, **{name: np.ones(1)})
-        assert not is_scale_free(replace(alone, grasp=acting))
+        assert not is_scale_free(replace(alone, grasp=acting), g)
     start = StartData(np.array([-1.0] * alone.grasp.m), np.zeros(1), np.zeros(1))
-    assert not is_scale_free(replace(alone, grasp=alone.grasp.with_start(start)))
+    assert not is_scale_free(replace(alone, grasp=g.with_start(start)), g)
+    none, left, still = np.zeros(g.m), np.ones(1), np.zeros(1)
+    assert is_scale_free(alone, g.with_start(StartData(none, still, still)))
+    stopped = replace(g, stop=np.array([1]))
+    for begun in (g.with_start(start), stopped.with_start(StartData(none, left, still))):
+        assert not is_scale_free(alone, begun)
 
 
 def test_how_near_a_state_is_grows_with_what_acts() -> None:
@@ -706,8 +712,10 @@ def test_what_answers_of_all_queries_say(
     for name in ("_check", "_max", "_torques"):
         monkeypatch.setattr(path_steps, name, lambda *asked, name=name: told.append((name, asked)) or {"its": name})
     monkeypatch.setattr(path_steps, "compare", lambda *said: told.append(said))
+    monkeypatch.setattr(path_steps, "described_rounding", lambda g, x: (g, x))
     path_steps._compare(saved, before, PROVED, {"exact": True}, 0.25)
-    (name, given), (said, shown, course) = told
+    (name, given), (said, shown, course, rounding) = told
+    assert rounding == (before.question.grasp, before.witness.state)
     if query == "torques":
         assert (name, given) == (of, (saved, saved.sought, before, ended, 0.25))
     else:

@@ -79,9 +79,10 @@ def test_sizes_are_in_proportion(exponent):
 
 # --- forces in play ------------------------------------------------------------
 
+TURN = np.sqrt(5 / 16)  # [m] of joint "turn", with what it turns the soft finger by
 SIZE = np.sqrt(0.09375)
-# [m] how far contacts move where the tendon is held, which then turns `turn` 1/6 as far as `roll`, at an arm of 1/4
-PUSH, ROLL, BACK = 1 / 12, 1 / 24, 1 / 96
+# [m] how far contacts move where the tendon is held, which then turns `turn` 1/6 as far as `roll`
+PUSH, ROLL, BACK = TURN / 3, TURN / 6, TURN / 24
 
 
 def question(grasp: dict[str, Any], goal: str = "check", **fields: Any) -> Question:
@@ -163,12 +164,12 @@ def test_far_from_the_origin_turns_round_what_the_middle_moves_by(turn: float) -
 
 def test_drives_by_hand() -> None:
     assert drives(question(quiet())) == 0
-    assert drives(question(small_grasp())) == pytest.approx(24)  # pull: 3 over 1/8
+    assert drives(question(small_grasp())) == pytest.approx(6 / TURN)  # pull: 3 over half of it
     assert drives(question(quiet(push=-0.75))) == pytest.approx(0.75 / PUSH)
     assert drives(question(quiet(push=-0.75, back=-0.25))) == pytest.approx(0.25 / BACK)
     data = quiet(push=0.01)
     data["joints"][0] |= {"friction": 0.25, "torque": -0.5}  # what a joint carries adds up
-    assert drives(question(data)) == pytest.approx(3)
+    assert drives(question(data)) == pytest.approx(0.75 / TURN)
     data["joints"][2] |= {"torque": -2}
     assert drives(question(data)) == pytest.approx(2 / ROLL)
 
@@ -186,7 +187,8 @@ def test_limits_count() -> None:
     assert drives(question(quiet(push=-0.75), torque_limits=limits)) == pytest.approx(5 / PUSH)
     assert drives(question(quiet(push=-7.5), torque_limits=limits)) == pytest.approx(7.5 / PUSH)
     assert drives(question(quiet(push=-0.75), force_limit=90.0)) == 90
-    assert drives(question(small_grasp(), force_limit=20.0)) == pytest.approx(24)
+    assert drives(question(small_grasp(), force_limit=20.0)) == 20
+    assert drives(question(small_grasp(), force_limit=2.0)) == pytest.approx(6 / TURN)
 
 
 def test_what_moves_no_contact_does_not_count() -> None:
@@ -213,16 +215,16 @@ def test_what_is_held_does_not_count() -> None:
     data["joints"][0] |= {"torque": 5, "stop": "both"}
     assert drives(question(data)) == 0
     data["joints"][0]["stop"] = "lower"
-    assert drives(question(data)) == pytest.approx(20)
+    assert drives(question(data)) == pytest.approx(5 / TURN)
 
 
 def test_the_farthest_magnitude() -> None:
     along = [0, 0, 0, 0, 3, -4]  # 5 / SIZE
-    assert farthest(question(small_grasp(), "largest", direction=along)) == pytest.approx(1e3 * 24 * SIZE / 5)
+    assert farthest(question(small_grasp(), "largest", direction=along)) == pytest.approx(1e3 * 6 / TURN * SIZE / 5)
     base = {"direction": along, "wrench": [0, 30, 40, -8.75, -10, 7.5]}
     assert farthest(question(small_grasp(), "largest", **base)) == pytest.approx(1e3 * 50 * SIZE / 5)
     base["wrench"] = [0, 3, 4, -0.875, -1, 0.75]
-    assert farthest(question(small_grasp(), "largest", **base)) == pytest.approx(1e3 * 24 * SIZE / 5)
+    assert farthest(question(small_grasp(), "largest", **base)) == pytest.approx(1e3 * 6 / TURN * SIZE / 5)
     assert farthest(question(quiet(), "largest", direction=along)) == 1e3  # nothing else is in play
     for grasp in (small_grasp(), quiet()):  # files with a direction that is zero are refused
         assert farthest(replace(question(grasp, "largest", direction=along), direction=np.zeros(6))) == np.inf

@@ -43,6 +43,7 @@ VERDICTS = "holds", "slips", "undecided"
 COURSE_KEYS = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
 ANSWER_NOT_REPLAYED = f"{', '.join(COURSE_KEYS)}: the course of the search is recorded, and nothing rests on it"
 RESIDUAL_ROUNDING = 1e-12  # of residuals: they are made of it
+SUM_ROUNDING = 1e-14  # relative to the sum of the terms' sizes: more than rounding in another order
 UPPER_BOUND_FACTOR = 2.0  # times an upper bound: up to there at least nothing is resisted
 LIMIT_CLAIM = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
 EACH_TIME = " for each time of the direction"
@@ -253,11 +254,20 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
     shown |= {"certified": saved.certificate is not None, "motion_cap": cap}
     shown |= {"exact": None if proved is None else proved.exact, "motion": None if proved is None else proved.motion}
     shown |= query.shown(saved, proved)
-    compare(said, shown, COURSE_KEYS)
+    w = saved.witness
+    compare(said, shown, COURSE_KEYS, None if w is None else described_rounding(saved.question.grasp, w.state))
 
 
-def compare(said: Mapping[str, Any], shown: Mapping[str, Any], course: Collection[str]) -> None:
-    """`Refused` if an answer has other keys than those that are shown, but for `course`, or says otherwise."""
+def compare(
+    said: Mapping[str, Any],
+    shown: Mapping[str, Any],
+    course: Collection[str],
+    rounding: Mapping[str, Any] | None = None,
+) -> None:
+    """`Refused` if an answer has other keys than those that are shown, but for `course`, or says otherwise.
+
+    rounding: by key how far numbers may be off, of those of a state; see `described_rounding`.
+    """
     for key in said:
         if key not in shown and key not in course:
             raise Refused(f"{key} is nothing that it can say; leave it out")
@@ -268,7 +278,11 @@ def compare(said: Mapping[str, Any], shown: Mapping[str, Any], course: Collectio
         within = {"residual": RESIDUAL_ROUNDING, "motion": FORCE_DEVIATION * value}.get(key, 0.0) if numbers else 0.0
         rounds = numbers and abs(said[key] - value) <= within
         says_less = numbers and key == "motion_cap" and 0 <= said[key] <= value
-        if not (rounds or says_less or matches(said[key], value)):
+        if rounding and key in rounding and value is not None:
+            alike = _alike(said[key], value, rounding[key])
+        else:
+            alike = said[key] == value if key == "preload" else matches(said[key], value)
+        if not (rounds or says_less or alike):
             raise Refused(f"{key} is not what the rest of the file shows")
 
 
@@ -516,6 +530,20 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
     }
 
 
+def described_rounding(g: GraspData, x: State) -> dict[str, Any]:
+    """By how much numbers of `described` may be off where sums are rounded otherwise; what is copied may not be."""
+    c, moved = np.abs(x.c).reshape(-1, 3), np.abs(g.rows[1] @ np.abs(x.motion))[: 3 * g.m].reshape(-1, 3)
+    twist = np.abs(x.torsion[g.soft] / g.lever[g.soft])
+    torques = SUM_ROUNDING * (np.abs(g.J).T @ np.abs(x.c) + np.abs(g.twist_jacobian).T @ twist)
+    of_contacts = [
+        {"force": SUM_ROUNDING * float(c[i].sum()), "friction_force": SUM_ROUNDING * float(c[i, 1:].sum())}
+        | {"motion": 2 * SUM_ROUNDING * float(moved[i].sum())}
+        for i in range(g.m)
+    ]
+    exact = dict.fromkeys(("joint_reactions", "actuator_forces", "object_motion", "joint_motion"), 0.0)
+    return exact | {"contacts": of_contacts, "joint_torques": dict(zip(g.joints, torques.tolist(), strict=True))}
+
+
 def line(saved: SavedAnswer) -> tuple[Array, Array]:
     """(6,) each: the disturbance is the first plus s times the second; `Refused` if it is that of no maximum."""
     q = saved.question
@@ -600,13 +628,16 @@ def _keys(x: Any) -> set[str] | None:
     return set(x) if isinstance(x, Mapping) else None
 
 
-def _alike(said: Any, shown: Any, within: float) -> bool:
+def _alike(said: Any, shown: Any, within: Any) -> bool:
+    """Numbers to within so much: one for all, or by key and place; 0 where nothing is said of a key."""
     if isinstance(shown, Mapping):
         there = isinstance(said, Mapping) and said.keys() == shown.keys()
-        return there and all(_alike(said[key], shown[key], within) for key in shown)
+        each = within if isinstance(within, Mapping) else dict.fromkeys(shown, within)
+        return there and all(_alike(said[key], shown[key], each.get(key, 0.0)) for key in shown)
     if isinstance(shown, list | tuple):
         there = isinstance(said, list | tuple) and len(said) == len(shown)
-        return there and all(_alike(x, y, within) for x, y in zip(said, shown, strict=True))
+        each_ = within if isinstance(within, list) else [within] * len(shown)
+        return there and all(_alike(*three) for three in zip(said, shown, each_, strict=True))
     if _is_number(shown):
         return _is_number(said) and bool(abs(said - shown) <= within)
     return type(said) is type(shown) and bool(said == shown)

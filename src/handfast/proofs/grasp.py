@@ -204,9 +204,9 @@ class GraspData:
 
     @cached_property
     def joint_arms(self) -> Array:
-        """(l,) motion of the contacts for a unit of joint motion: J's column norms.
+        """(l,) motion of the contacts for a unit of joint motion, with the turning of soft fingers times their levers.
 
-        Where these are none but for rounding: the levers of what turns; else the joint's unit.
+        J's column norms but for rounding, and those of the twist Jacobian; where both are none the joint's unit.
         """
         return self.arms_of(np.eye(self.l))
 
@@ -215,7 +215,8 @@ class GraspData:
         arms, sums = (np.sqrt((x * x).sum(axis=0)) for x in (self.J @ moved, self.sizes[1] @ np.abs(moved)))
         turned = np.sqrt(((self.twist_jacobian @ moved) ** 2).sum(axis=0))
         units = self.joint_units @ np.abs(moved)
-        return np.where(arms > LENGTH_ROUNDING * sums, arms, np.where(turned > 0, turned, units))
+        both = np.hypot(np.where(arms > LENGTH_ROUNDING * sums, arms, 0.0), turned)
+        return np.where(both > 0, both, units)
 
     @cached_property
     def actuator_arms(self) -> Array:

@@ -45,7 +45,7 @@ from handfast.proofs.equations import ENTRY_ROUNDING, Equations, RightSide, powe
 from handfast.proofs.fields import ZERO, Array, Integers, Mask, dot, not_zero, product, rational, rationals, rounded
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.structural_rank import as_bits, fewer_columns, fewer_rows, fewest_lines
-from handfast.proofs.tolerance import UNIT_ROUNDOFF
+from handfast.proofs.tolerance import UNIT_ROUNDOFF, left_behind
 
 # relative: multipliers below the first are taken for 0, as they are most often rounding of a solver; where that shows
 # nothing, those below the second
@@ -261,7 +261,7 @@ class LeafSystems:
                 if (asked := self._asked(k)) not in tried:
                     margins[k], caps[k] = exact_margin(self, k)
                 tried.add(asked)
-        gap, some = np.abs(self.equations.grasp.gaps).max(), np.flatnonzero(by_floats)
+        gap, some = left_behind(self.equations.grasp), np.flatnonzero(by_floats)
         cap = min(cap, float(caps[~by_floats & (margins > 0)].min(initial=np.inf)))
         for k in some[np.argsort(caps[some], kind="stable")].tolist():
             if caps[k] < max(cap if cap == np.inf else min(cap, enough), gap):

@@ -34,13 +34,14 @@ from handfast.proofs.fields import ZERO, Array, BadFile, Fields, Integers, not_z
 from handfast.proofs.kinds import CONE_WIDENING
 from handfast.proofs.question import Question
 from handfast.proofs.states import State
-from handfast.proofs.tolerance import MIN_FORCE_SCALE, drives, load_scale
+from handfast.proofs.tolerance import MIN_FORCE_SCALE, drives, load_scale, travel
 
 STATE_REACH = 1e6  # times the load: forces and motions of the states that a bound is proved of
 DRIFT = 1e-5  # relative to the load: by how much states of a path may miss (1), (2), (3), all steps together
 OPEN, CLOSED = LOCKED, MOVED = 0, 1
 PATH_INFLATION = 1 + 1e-12  # rounds sums of bounds up
 MAX_PATH_LEAVES, MAX_PATH_CASES = 100_000, 5_000_000  # the second of all nodes together
+MAX_PATH_ENTRIES = 2_000_000  # of all rows together: 25 states of a hand of 24 joints have 30,000
 
 Condition = tuple[int, int] | None  # a part and its case
 
@@ -146,14 +147,16 @@ class PathCommands:
         """(n,) of each unknown what counts as much as a force of 1 N at a contact, or its motion."""
         g = self.question.grasp
         far = 1.0 + float(np.linalg.norm(g.centroid)) / g.size
-        tied = np.array([(g.joint_arms[a != 0] / np.abs(a[a != 0])).min(initial=np.inf) for a in g.A])
+        every = travel(g, np.vstack([np.eye(g.l), g.R]))
+        joints, efforts = every[: g.l], every[g.l :]  # where forces that they balance press, whatever passes them on
+        tied = np.array([(joints[a != 0] / np.abs(a[a != 0])).max(initial=0.0) for a in g.A])
         own = [np.full(3, far), np.full(3, 1 / g.size), 1 / g.joint_arms, np.ones(3 * g.m + len(g.soft))]
-        own += [g.actuator_arms, tied.reshape(-1), g.joint_arms]
-        arms = g.actuator_arms[self.sought]
-        every = [*own * self.states, np.ones(len(arms)), arms, [max(arms.max(initial=0.0), arms.sum() * self.sums)]]
-        return np.concatenate([np.asarray(x, dtype=float) for x in every])
+        own += [efforts, tied.reshape(-1), joints]
+        arms = efforts[self.sought]
+        of_all = [*own * self.states, np.ones(len(arms)), arms, [max(arms.max(initial=0.0), arms.sum() * self.sums)]]
+        return np.concatenate([np.asarray(x, dtype=float) for x in of_all])
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """[N] up to which forces and motions of the states a bound is proved: far above all that acts, wherever."""
         g = self.question.grasp
@@ -170,6 +173,12 @@ class PathCommands:
         return float((every / self.units[: len(every)]).max())
 
     # --- the rows
+
+    @property
+    def entries(self) -> int:
+        """How many entries the rows have, about."""
+        g = self.question.grasp
+        return self.states * (g.m * (6 + g.l) + g.l * (3 * g.m + 2 * g.a + 2 * len(g.A)))
 
     @cached_property
     def rows(self) -> list[PathRow]:
@@ -275,7 +284,8 @@ class PathCommands:
     def tangent(self, x: int, i: int, along: Array) -> PathRow:
         """That friction of contact i in state x is in its cone: along . c_t <= mu c_n |along|; along (2,), or (3,)."""
         g = self.question.grasp
-        size = rational(g.mu[i] * float(np.linalg.norm(along)) * (1 + CONE_WIDENING))
+        half = 2.0 ** int(np.frexp(np.abs(along).max(initial=0.0))[1] - 1)  # squares of small numbers would be 0
+        size = rational(g.mu[i]) * rational(half) * rational(float(np.linalg.norm(along / half)) * (1 + CONE_WIDENING))
         terms = {self.at(x, 2, 3 * i): size}
         columns = [self.at(x, 2, 3 * i + 1), self.at(x, 2, 3 * i + 2)]
         columns += [self.at(x, 3, s) for s in np.flatnonzero(g.soft == i).tolist()]
@@ -337,6 +347,8 @@ class PathBound:
 
     def lower(self, of: PathCommands) -> float:
         """The bound that all leaves show, in the question's own units; inf where they contradict. `BadFile`."""
+        if of.entries > MAX_PATH_ENTRIES:
+            raise BadFile(f"has more than {MAX_PATH_ENTRIES} entries in its rows", "bound")
         if not of.known:
             raise BadFile("is of no load, or of uncertain normals, for which no bound is proved", "bound")
         cases = self._cases(of)

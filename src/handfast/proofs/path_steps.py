@@ -24,6 +24,7 @@ from handfast.proofs.answers import (
     close,
     compare,
     described,
+    described_rounding,
     held,
     motion_cap,
     read_proofs,
@@ -38,7 +39,7 @@ from handfast.proofs.path_commands import DRIFT, PathBound, PathCommands, read_b
 from handfast.proofs.question import CHECK, Question, read_question
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import Problem, State, acting, came_from
-from handfast.proofs.tolerance import farthest, load_scale, ways
+from handfast.proofs.tolerance import farthest, left_behind, load_scale, travel
 
 SCHEMA = "handfast/path/1"
 LOADING = "preload-first"
@@ -187,14 +188,12 @@ def off_by(p: Problem, found: Proved) -> float:
 def leverage(g: GraspData) -> float:
     """How many times farther than `row_units` say contacts move with a joint that has a stop, or a tendon; 1 or more.
 
-    A joint that itself moves none may drive others by couplings.
+    A joint that itself moves none may drive others, see `travel`.
     """
-    moved, (_, _, actuators, _, joints) = ways(g.A) if len(g.A) else np.eye(g.l), g.parts
+    _, _, actuators, _, joints = g.parts
     units, slack = g.row_units, g.tendon & (g.command == 0)
-    its = np.abs(np.vstack([moved[g.stop != 0], (g.R @ moved)[slack]]))
     own = np.concatenate([units[joints][g.stop != 0], units[actuators][slack]])
-    far = np.where(its > 0, g.arms_of(moved) / np.where(its > 0, its, 1.0), 0.0).max(axis=1, initial=0.0)
-    return float((far * own).max(initial=1.0))
+    return float((travel(g, np.vstack([np.eye(g.l)[g.stop != 0], g.R[slack]])) * own).max(initial=1.0))
 
 
 def _drifted(apart: float, most: float) -> str:
@@ -232,7 +231,7 @@ def _none(saved: SavedPath, k: int, step: Step, before: Step | None) -> tuple[Re
         claim = f"{step.magnitude:.6g} times the load is not resisted from the state at {before.magnitude:.6g} times"
     part = refuted(claim, step.certificate, None, None, complete=True)
     cap, of_all = motion_cap(part), saved.said["query"] == "max" and before is not None and not before.magnitude
-    if cap is not None and of_all and is_scale_free(saved.question):  # told for each time of the direction
+    if cap is not None and of_all and is_scale_free(saved.question, step.question.grasp):  # told for each time of it
         cap /= step.magnitude
     return part, cap
 
@@ -267,7 +266,9 @@ def _compare(
         shown |= _torques(saved, saved.sought, last, ended, lowest)
     else:
         shown |= (_check if said["query"] == "check" else _max)(saved, last, proved, ended)
-    compare(said, shown, (*COURSE_KEYS, *PATH_KEYS))
+    w = last and last.witness
+    rounding = described_rounding(last.question.grasp, w.state) if last and w else None
+    compare(said, shown, (*COURSE_KEYS, *PATH_KEYS), rounding)
 
 
 def _check(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool) -> dict[str, Any]:
@@ -289,7 +290,7 @@ def _max(saved: SavedPath, last: Step | None, proved: Proved | None, ended: bool
     """What the end of a path has to say besides."""
     verdict, lower = saved.said["verdict"], last.magnitude if last is not None else 0.0
     upper, unbounded = saved.steps[-1].magnitude if ended else None, bool(saved.said.get("unbounded"))
-    if upper is not None and not lower and is_scale_free(saved.question):
+    if upper is not None and not lower and is_scale_free(saved.question, saved.steps[-1].question.grasp):
         upper = 0.0
     if (verdict == "holds") != (lower > 0) or (verdict == "slips") != (upper == 0):
         raise Refused(f"{verdict.upper()} is not what its steps show")
@@ -328,11 +329,14 @@ def _torques(saved: SavedPath, sought: PathCommands, last: Step | None, ended: b
     return none | {"preload": preload, "lower": lower, "upper": upper}
 
 
-def is_scale_free(q: Question) -> bool:
-    """Is there nothing but the load, so that states of it times any number are states of so much of it, from rest?"""
+def is_scale_free(q: Question, begun: GraspData) -> bool:
+    """Is there nothing but the load, so that states of it times any number are states of so much of it?
+
+    begun: the grasp in its first step: from where nothing was left behind.
+    """
     g = q.grasp
     acts = g.command.any() or g.torque.any() or g.friction.any() or g.start is not None
-    return not (acts or q.torque_limits or q.force_limit < np.inf)
+    return not (acts or q.torque_limits or q.force_limit < np.inf or left_behind(begun))
 
 
 def _end(q: Question) -> float:

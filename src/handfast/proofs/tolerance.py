@@ -11,6 +11,7 @@ both can be proved.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import hypot
 
 import numpy as np
@@ -133,8 +134,13 @@ def passed_on(R: Array) -> Array:
 
 def ways(A: Array) -> Array:
     """(l, d) how joints may move where couplings (k, l) hold: each column moves one by 1, and those that it drives."""
-    k, l = A.shape
-    reduced, rank = fmpq_mat(k, l, rationals(A.ravel())).rref() if k and l else (None, 0)
+    return _ways(A.shape, np.ascontiguousarray(A, dtype=float).tobytes())
+
+
+@lru_cache(maxsize=64)
+def _ways(shape: tuple[int, int], entries: bytes) -> Array:
+    (k, l), every = shape, np.frombuffer(entries)
+    reduced, rank = fmpq_mat(k, l, rationals(every)).rref() if k and l else (None, 0)
     rows = [] if reduced is None else [[reduced[i, j] for j in range(l)] for i in range(rank)]
     driven = [next(j for j, x in enumerate(row) if x) for row in rows]
     own = [j for j in range(l) if j not in driven]
@@ -142,7 +148,32 @@ def ways(A: Array) -> Array:
     out[own, np.arange(len(own))] = 1.0
     for j, row in zip(driven, rows, strict=True):
         out[j] = [-rounded(row[k]) for k in own]
+    out.flags.writeable = False
     return out
+
+
+def travel(g: GraspData, rows: Array) -> Array:
+    """(k,) [N] how far contacts move at most where sums of joint motions, rows (k, l), move by 1.
+
+    With the joints that couplings drive, and those that actuators drive which are held: a joint may itself move no
+    contact.
+    """
+    out, held = np.zeros(len(rows)), ~g.backdrivable
+    for moved in (np.eye(g.l), ways(g.A)) if len(g.A) else (np.eye(g.l),):
+        its, R = np.abs(rows @ moved), np.abs(g.R @ moved)[held]
+        far = (g.arms_of(moved)[:, None] * passed_on(R)).max(axis=0, initial=0.0)
+        out = np.maximum(out, np.where(its > 0, far / np.where(its > 0, its, 1.0), 0.0).max(axis=1, initial=0.0))
+    return out
+
+
+def left_behind(g: GraspData) -> float:
+    """[N] how far contacts have to go back, at most, until they, stops and tendons are where they were from rest."""
+    if g.start is None:
+        return 0.0
+    gap, away = float(np.abs(g.gaps).max()), np.abs(np.concatenate([g.stops_left, g.slack]))
+    if not away.any():
+        return gap
+    return max(gap, float((away[away > 0] * travel(g, np.vstack([np.eye(g.l), g.R])[away > 0])).max()))
 
 
 def in_play(q: Question, magnitude: float) -> float:

@@ -29,6 +29,7 @@ from handfast.proofs.tolerance import UNBOUNDED_FACTOR, farthest
 from handfast.stability.answers.answer import Answer, any_state, witness_json
 from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.bound_problem import BoundProblem
+from handfast.stability.problem.grasp_data import grasp_data
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.model import relative_motion, state_of
 from handfast.stability.problem.objective import ANY_STATE, LARGEST_MAGNITUDE
@@ -105,7 +106,8 @@ class LoadPath:
     @property
     def upper(self) -> float | None:
         """`slips_at`, or 0 where none however small has one; None if that was not shown."""
-        none = not self.reached and path_steps.is_scale_free(self.whole.question)
+        begun = self.steps[-1].question
+        none = not self.reached and begun and path_steps.is_scale_free(self.whole.question, begun.grasp)
         return 0.0 if none and self.slips_at is not None else self.slips_at
 
     @property
@@ -467,7 +469,7 @@ def path_end(
         return replace(begun, nodes=follower.nodes)
     by_steps: dict[int, float] = {}
     if not (p.f_c.any() or p.is_given):  # beside nothing but limits no search tells small magnitudes from none
-        free = path_steps.is_scale_free(posed.question)
+        free = path_steps.is_scale_free(posed.question, grasp_data(grasp))
         first = follower.along(np.array([0.0, last if free else settings.gap * last / UNBOUNDED_FACTOR]))
         if free or first.steps[-1].verdict is not Verdict.HOLDS:
             return replace(first, by_steps={1: first.reached or 0.0}, nodes=follower.nodes)
