@@ -10,7 +10,8 @@ from flint import fmpq
 
 from handfast.core.arrays import Array
 from handfast.proofs import path_commands
-from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.fields import BadFile, Fields, rational
+from handfast.proofs.kinds import CONE_WIDENING
 from handfast.proofs.path_commands import (
     CLOSED,
     LOCKED,
@@ -489,3 +490,30 @@ def test_what_is_sought_is_read_as_it_was_written(sums: bool) -> None:
     again = read_sought(Fields(of.to_json(), "sought"), of.question)
     assert (again.senses.tolist(), again.sums) == ([1, -1, 0], sums)
     assert again.question is of.question
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-170, 1e-200, 5e-324, 1e49])
+def test_a_tangent_is_a_tangent_however_it_is_scaled(size: float) -> None:
+    """along . c_t <= mu c_n |along|, by no more than it is widened; squares of small numbers are 0 in floats."""
+    of = small(False)
+    for i, along in ((0, [3.0, -4.0, 12.0]), (1, [-1.0, 0.0])):
+        scaled = size * np.array(along)
+        row = of.tangent(0, i, scaled)
+        normal = row.terms.pop(of.at(0, 2, 3 * i))
+        mu, exact = rational(of.question.grasp.mu[i]), [rational(x) for x in scaled.tolist()]
+        ratio = normal**2 / (mu**2 * sum((x**2 for x in exact), fmpq(0)))
+        assert 1 <= ratio <= 1 + 4 * rational(CONE_WIDENING)
+        assert sorted(map(str, row.terms.values())) == sorted(str(-x) for x in exact if x)
+    assert of.tangent(0, 1, np.zeros(2)).terms == {of.at(0, 2, 3): 0}
+
+
+def test_rows_that_are_very_many_are_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """3 states of 2 contacts, 3 joints, 3 actuators, one coupling: 2 (6 + 3) + 3 (6 + 6 + 2) entries each."""
+    of = small(False)
+    assert of.entries == 3 * (2 * 9 + 3 * 14)
+    bound = PathBound((-1,), (-1,), (-1,), (PathLeaf((), ()),))
+    monkeypatch.setattr(path_commands, "MAX_PATH_ENTRIES", 180)
+    assert bound.lower(of) == 0
+    monkeypatch.setattr(path_commands, "MAX_PATH_ENTRIES", 179)
+    with refused("has more than 179 entries in its rows", "bound"):
+        bound.lower(of)

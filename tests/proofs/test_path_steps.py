@@ -743,3 +743,15 @@ def test_each_command_of_a_path_has_its_sense() -> None:
         sought = SimpleNamespace(**vars(looked_for()) | {"senses": np.array(senses)})
         with pytest.raises(Refused, match=r"^a command has the wrong sense$"):
             path_steps._torques(saved, sought, last(saved)[0], False, 1.5)
+
+
+@pytest.mark.parametrize(("backdrivable", "factor"), [(False, 1e6), (True, 1.0)])
+def test_a_stop_counts_by_what_actuators_that_are_held_move(backdrivable: bool, factor: float) -> None:
+    """A joint that moves no contact; while a differential is held, a jaw goes a million times as far."""
+    contacts = [Contact([x, 0, 0], [-x, 0, 0], 0.5) for x in (-1.0, 1.0)]
+    joints = [
+        GraspJoint("jaw", [1, 0, 0], [0, 0, 0], (0,), "prismatic"),
+        GraspJoint("s", [1, 0, 0], [0, 0, 0], (), "prismatic", stop="lower"),
+    ]
+    tie = Mechanism(("tie",), np.array([[-1.0, 1e6]]), np.zeros((0, 2)), (False,), (backdrivable,))
+    assert path_steps.leverage(grasp_data(Grasp(contacts, joints, tie))) == pytest.approx(factor)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.proofs.grasp import read_grasp
+from handfast.proofs.grasp import GraspData, StartData, read_grasp
 from handfast.proofs.question import Question, read_question
 from handfast.proofs.tolerance import (
     COMPLETE_CAP,
@@ -18,11 +18,13 @@ from handfast.proofs.tolerance import (
     drives,
     farthest,
     in_play,
+    left_behind,
     load_scale,
     motion_size,
     passed_on,
     size_of,
     slack_units,
+    travel,
     ways,
 )
 from tests.support.exact_states import data
@@ -301,3 +303,50 @@ def test_contacts_that_were_pressed_before_are_in_play() -> None:
     start = {"gaps": [-40.0, 5.0], "stops": [0.0] * 3, "slack": [0.0] * 3}
     assert drives(question(quiet(), **{"from": start})) == 40
     assert drives(question(quiet(), **{"from": start | {"gaps": [1.0, 5.0]}})) == 0
+
+
+# --- how far contacts move with what others drive ---------------------------------------------------------
+
+
+def chained(backdrivable: bool = False, ratio: float = 4.0) -> GraspData:
+    """Slides: a jaw that moves a contact; "tied" `ratio` times as slow by a differential that is held; "idle" with that
+    one, a tenth as slow, by a coupling; "free" by none of them."""
+    data = quiet()
+    data["joints"] = [
+        {"name": name, "type": "prismatic", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": moved, "stop": "lower"}
+        for name, moved in (("jaw", [1]), ("tied", []), ("idle", []), ("free", []))
+    ]
+    tie = {"name": "tie", "joints": {"tied": ratio, "jaw": -1.0}, "backdrivable": backdrivable}
+    data["mechanism"] = {"actuators": [tie], "couplings": [{"tied": 1.0, "idle": -10.0}]}
+    return read_grasp(data | {"preload": {}}, "g")
+
+
+def test_how_far_contacts_move_with_what_others_drive() -> None:
+    """With idle by 1 tied moves by 10, and the jaw, while the tie is held, by 40; with the tie by 1 the jaw by 1."""
+    g = chained()
+    assert travel(g, np.eye(4)).tolist() == pytest.approx([1.0, 4.0, 40.0, 1.0])
+    assert travel(g, g.R).tolist() == pytest.approx([1.0])
+    assert travel(g, np.zeros((0, 4))).tolist() == []
+    alone = travel(chained(backdrivable=True), np.eye(4))  # what moves no contact counts by itself, and what it drives
+    assert alone.tolist() == pytest.approx([1.0, 1.1, 11.0, 1.0])
+
+
+def test_how_far_contacts_have_to_go_back() -> None:
+    g, none = chained(), np.zeros(1)
+    assert left_behind(g) == 0
+    for gaps, stops, far in (([0.0, -3.0], [0.0] * 4, 3.0), ([2.0, 0.0], [0, 0.5, 0.25, 0], 10.0)):
+        there = g.with_start(StartData(np.array(gaps), np.array(stops), none))
+        assert left_behind(there) == pytest.approx(far)
+    assert left_behind(g.with_start(StartData(np.zeros(2), np.zeros(4), none))) == 0
+    pulled = replace(g, tendon=np.array([True]))
+    slack = StartData(np.zeros(2), np.zeros(4), np.array([5.0]))
+    assert left_behind(pulled.with_start(slack)) == pytest.approx(5.0)
+
+
+def test_ways_of_joints_are_worked_out_once() -> None:
+    A = np.array([[1.0, -2.0, 0.0]])
+    assert ways(A) is ways(A.copy())
+    assert ways(A).tolist() == [[2.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    assert ways(np.array([[1.0], [-2.0]]).reshape(2, 1)).shape == (1, 0)
+    with pytest.raises(ValueError, match="read-only"):
+        ways(A)[0, 0] = 1.0
