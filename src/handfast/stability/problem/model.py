@@ -257,14 +257,15 @@ def reaction_defect(q: Array, reaction: Array, lo: Array, hi: Array) -> Array:
 
 
 def joint_arms(grasp: AnyGrasp) -> Array:
-    """(l,) motion of the contacts per unit joint motion: J's column norms, with the turning of soft fingers.
+    """(l,) motion of the contacts per unit joint motion: J's column norms.
 
-    That counts times their levers. A joint that moves nothing, or next to nothing for the grasp's size, has its unit.
+    A joint that does nothing but turn soft fingers about their normals has their levers for an arm, one that moves
+    nothing, or next to nothing for the grasp's size, its unit.
     """
     arms = np.sqrt((grasp.J * grasp.J).sum(axis=-2))
     least, units = NO_ARM * joint_units(grasp), joint_units(grasp)
     if len(grasp.soft):
-        arms = np.hypot(arms, np.sqrt((grasp.twist_jacobian**2).sum(axis=0)))
+        arms = np.where(arms > least, arms, np.sqrt((grasp.twist_jacobian**2).sum(axis=0)))
     return np.where(arms > least, arms, units)
 
 

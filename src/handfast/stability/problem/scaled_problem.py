@@ -441,9 +441,6 @@ def _arms_of_ways(grasp: AnyGrasp) -> tuple[Array, Array]:
     moved = ways(A) if A.ndim == 2 else np.stack([ways(x) for x in A])
     arms = np.linalg.norm(grasp.J @ moved, axis=-2)
     touches = arms > COUPLING_ROUNDING * np.linalg.norm(np.abs(grasp.J) @ np.abs(moved), axis=-2)
-    if len(grasp.soft):
-        turned = np.linalg.norm(grasp.twist_jacobian @ moved, axis=-2)
-        arms, touches = np.hypot(np.where(touches, arms, 0.0), turned), touches | (turned > 0)
     return np.where(touches, arms, np.inf), np.abs(grasp.mechanism.R @ moved)
 
 
