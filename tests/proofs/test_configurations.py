@@ -509,14 +509,22 @@ def test_the_largest_gap_is_infinite_where_one_is_not_known() -> None:
     (0.75, 0.5, 1.0),
     (0.0, 1.0, 1.0),
 ])  # fmt: skip
-def test_how_far_the_solution_is_from_the_floats(step: float, contraction: float, share: float) -> None:
-    """One coordinate is 3 or within 2 of that, one is frozen at 5."""
-    coordinates = Interval(np.array([[[-3.0, 3.0], [-5.0, 5.0]], [[-1.0, 5.0], [-5.0, 5.0]]]))
-    at: Any = SimpleNamespace(coordinates=coordinates)
-    found = configurations.solution(at, {"step": step, "contraction": contraction})
-    due = np.array([[[2 * share - 3, 3 + 2 * share], [-5.0, 5.0]]])
+def test_how_far_the_solution_is_from_the_floats(
+    step: float, contraction: float, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One coordinate is 3 or within 2 of that, one 7 or within 4, and does not move; one is frozen at 5."""
+    floats, wide = [[-3.0, 3.0], [-5.0, 5.0], [-7.0, 7.0]], [[-1.0, 5.0], [-5.0, 5.0], [-3.0, 11.0]]
+    at: Any = SimpleNamespace(coordinates=Interval(np.array([floats, wide])))
+    box = SimpleNamespace(dependent=[0, 2], radii=np.array([2.0, 4.0]))
+    moved = Interval.around(np.zeros(2), [2 * step, 0.0]), Interval.around(np.zeros(2), [2 * contraction, 0.0])
+    monkeypatch.setattr(configurations._Box, "of", lambda *_: box)
+    monkeypatch.setattr(configurations, "_moved", lambda *_: moved)
+    found = configurations.solution(None, None, at)  # type: ignore[arg-type]
+    due = np.array([[[2 * share - 3, 3 + 2 * share], [-5.0, 5.0], [-7.0, 7.0]]])
     assert found.ends == pytest.approx(due, abs=1e-14)
     assert (found.ends >= due).all()
+    monkeypatch.setattr(configurations, "_moved", lambda *_: None)
+    assert configurations.solution(None, None, at).ends.tolist() == [wide]  # type: ignore[arg-type]
 
 
 def test_what_is_refused_has_its_name_and_place() -> None:

@@ -808,7 +808,8 @@ def test_a_direction_of_sliding_that_is_not_known_is_met_once_by_each_contact(mo
 
 MODES = Modes(*(np.zeros(k, dtype=np.int64) for k in (1, 1, 0, 0)))
 SHOWN, MISSED, WORSE = (
-    Near(missed, where, MODES, 3e-7, 4.0) for missed, where in ((0.5e-9, "(1)"), (2e-9, "(2)"), (3e-9, "(3)"))
+    Near(missed, where, MODES, 2e-7, 3e-7, 2.5e-7, 4.0)
+    for missed, where in ((0.5e-9, "(1)"), (2e-9, "(2)"), (3e-9, "(3)"))
 )
 EXACT = Proved(True, False, "", 0.0, 2e-7, 1.0, 0.5, (0.4, 0.6), MODES)
 OPEN = Proved(False, False, "no", 0.75)
@@ -914,6 +915,54 @@ def test_an_exact_state_that_moves_otherwise() -> None:
     assert exactly(p, off) == (p, off)
 
 
+@pytest.mark.parametrize(
+    ("forces", "changed", "apart", "kind"),
+    [
+        (0.9e-6, 1.9e-6, 1.9e-6, ""),
+        (1.1e-6, 0.0, 0.0, "force"),  # a millionth of 1 N, however far it moves
+        (0.0, 2.1e-6, 0.0, "motion"),  # of 2 N
+        (0.0, 0.0, 2.1e-6, "motion"),
+    ],
+)
+def test_forces_and_motions_count_each_beside_their_own(
+    forces: float, changed: float, apart: float, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    p, x = half_under_way()
+    monkeypatch.setattr(existence, "_attempts", lambda *_, **__: OPEN)
+    rough = replace(SHOWN, forces=forces, changed=changed, apart=apart)
+    monkeypatch.setattr(existence, "near", lambda p, x: rough)
+    done = prove(p, altered(x, r=2 * x.r))
+    assert done.tolerant == (kind == "")
+    assert (f"the {kind} of the state that is proved is" in done.reason) == bool(kind)
+    assert existence._farther(p, x, np.inf, 0.0, 1e9, 1e9) == ""
+    assert existence._farther(p, x, 0.5e-6, 0.0, 0.4e-6, 0.9e-6) == ""  # along a path, less at the contacts alone
+
+
+def test_a_joint_close_by_its_contact_is_where_it_is_told() -> None:
+    """It passes 1 mm beside the contact and presses with 1 N there: at 1000 rad of the finger, and nowhere else."""
+    grasp = Grasp(
+        [Contact([x, 0, 0], [-2 * x, 0, 0], 0.5) for x in (-0.5, 0.5)],
+        [GraspJoint("j", [0, 0, 1], [-0.5, 1e-3, 0], (0,), torque=1e-3)],
+        Mechanism((), np.zeros((0, 1)), np.zeros((0, 1)), ()),
+    )
+    p, x = held(grasp, [0, 0, -0.2])
+    assert abs(x.q[0]) > 100
+    assert prove(p, x).exact
+    for by, shown in ((1e-7, True), (1e-5, False)):
+        assert prove(p, altered(x, q=x.q * (1 + by))).exact == shown
+
+
+@pytest.mark.parametrize("away", [0.0, 1.0, 10.0])
+def test_motions_that_are_printed_count_alike_wherever_the_origin_is(away: float) -> None:
+    """A contact on which 1 N presses: its motion may be a millionth of that off."""
+    contacts = [Contact([away + x, 0, 0], [0, 0, 1], 0.5) for x in (-1e-3, 1e-3)]
+    p, x = held(Grasp(contacts, []), [0, 0, -2.0, 0, 2.0 * away, 0])
+    assert p.grasp.told_units[:6] == pytest.approx([1, 1, np.sqrt(2), 1, 1, np.sqrt(2)], abs=0.5)
+    for by, shown in ((0.5, True), (3.0, False)):
+        moved = altered(x, r=x.r + np.array([0, 0, by * existence._told(p, x), 0, 0, 0]))
+        assert (prove(p, moved).exact or prove(p, moved).tolerant) == shown
+
+
 def test_with_one_try_the_magnitude_is_not_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where it could be an unknown in the next modes, all of them would say otherwise."""
     _, asked = decided(monkeypatch, OPEN, EXACT, SHOWN, WORSE, half_under_way()[0], tries=1)
@@ -987,7 +1036,8 @@ def test_newtons_method_may_lead_elsewhere(monkeypatch: pytest.MonkeyPatch, by: 
     monkeypatch.setattr(existence, "near", asked)
     found = existence._nearer(p, x, likeliest(p, x))
     assert found.missed == (SHOWN.missed if leads else np.inf)
-    assert not leads or found.changed == pytest.approx(SHOWN.changed + max(abs(by or 0), 1.0))  # the object's motion
+    assert not leads or found.forces == pytest.approx(SHOWN.forces + abs(by or 0))
+    assert not leads or (found.changed, found.apart) == pytest.approx((SHOWN.changed + 1.0, SHOWN.apart + 1.0))
     if not leads:
         assert (found.missed, found.where, found.shown) == (np.inf, "all", False)
     at, better = polished(p, x)
@@ -1073,7 +1123,7 @@ def test_the_ends_of_a_magnitude_are_rounded_outwards(off: float) -> None:
     assert done.radius < 1e-9
     assert done.motion == pytest.approx(1)
     assert done.margin == pytest.approx(1)  # 1 N presses
-    wide = existence._shown(s, x, replace(box, v_off=np.array([0, 0, 0.25, 0, 0, 0])), 1e-6, 0.75)
+    wide = existence._shown(s, x, replace(box, v_off=np.array([0, 0, 0.25, 0, 0, 0])), np.inf, 0.75)
     assert wide.motion == pytest.approx(1.25)
     fixed = replace(p, along=None, wrench=p.load)
     assert existence._shown(System.of(fixed, s.modes, x, False), x, box, 1e-6, 0.0).magnitude is None
@@ -1192,7 +1242,7 @@ def test_where_newtons_method_leads_counts_at_the_contacts(
     monkeypatch.setattr(existence, "near", lambda p, y: SHOWN)
     found = existence._nearer(p, x, MODES)
     assert found.missed == (SHOWN.missed if leads else np.inf)
-    assert not leads or found.changed == pytest.approx(SHOWN.changed + 4 * by)
+    assert not leads or (found.forces, found.changed) == pytest.approx((SHOWN.forces + 4 * by, SHOWN.changed))
     assert found.modes is MODES
     assert leads or found.changed == np.inf
 

@@ -456,6 +456,9 @@ def test_how_many_contacts_it_takes_goes_with_the_rest_of_a_plan(written, tmp_pa
         its = {key: x for key, x in plan.items() if key != "contacts_file"} | {"verdict": verdict}
         planned(written, **files_of, plan=its)
         assert files.verify_path(tmp_path).reason.startswith(why)
+    one = {"loads": {"up": loads["up"]}, "contacts": 1, "reason": ""}
+    planned(written, plan={"grasps": [], "verdict": "none", "contacts_file": "c.json"}, c=good | one)
+    assert files.verify_path(tmp_path).reason == "NONE, but any number of contacts on its surface may hold"
     turned = {"solids": [{"kind": "sphere", "size": [1]}], "friction": 0.0, "contacts": None, "reason": "turning"}
     claim = files.few_contacts.read_claim(good | turned)
     grasp = read_grasp(made["g"], "g")

@@ -292,15 +292,20 @@ def test_contacts_and_motors_are_the_same_but_for_rounding_and_senses() -> None:
     near = [put(G + "grasp/contacts/1/position/2", 2.4e-11), put(G + "grasp/contacts/0/normal", [0.9e-9, -1.0, 0.0])]
     grasp, motors = read_grasp(changed_entry(*near)["grasp"], "g"), grasps._read_motors(Fields(found()["motors"]))
     equations = ContactEquations.of(read_task(found()["task"]))
-    done, at, _ = examined(equations, read_existence(found()["grasps"][0]["existence"]), "")
+    proof = read_existence(found()["grasps"][0]["existence"])
+    _, at, _ = examined(equations, proof, "")
     assert at is not None
-    where = {"left_slide": 0.015}, equations, solution(at, done.figures)
-    assert grasps._elsewhere(grasp, *where) == ""
+    where = (
+        {"left_slide": 0.015, "right_slide": 0.015},
+        equations,
+        solution(equations, proof, at),
+    )
+    assert grasps._elsewhere(grasp, *where)[0] == ""
     grasp.__dict__["size"] = 1e6  # as of a contact alone that a joint turns which is said to be far: 1 mm would be near
-    assert grasps._elsewhere(grasp, *where) == ""
+    assert grasps._elsewhere(grasp, *where)[0] == ""
     off = read_grasp(changed_entry(put(G + "grasp/contacts/1/position/2", 1e-10))["grasp"], "g")
     off.__dict__["size"] = 1e6
-    assert grasps._elsewhere(off, *where) == "the point of contact 1 is not that of the configuration"
+    assert grasps._elsewhere(off, *where)[0] == "the point of contact 1 is not that of the configuration"
     assert grasps._other_motors(grasp, motors) == ""
     turned = changed_entry(put(G + "grasp/mechanism/actuators/0/joints/left_slide", -1.0))["grasp"]
     assert grasps._other_motors(read_grasp(turned, "g"), motors) == ""
@@ -619,7 +624,7 @@ def claimed(
     """What becomes of an entry whose configuration exists, and which loads are asked to be held, in which states."""
     held: list[Any] = []
 
-    def holds(f: Fields, grasp: Any, its: Any, load: str, wrench: Any) -> Replay:
+    def holds(f: Fields, grasp: Any, its: Any, load: str, wrench: Any, off: Any) -> Replay:
         held.append((load, wrench.tolist(), f.take("r")))
         return Replay(load)
 
@@ -710,7 +715,7 @@ def test_a_witness_of_a_load(
     monkeypatch.setattr(grasps, "prove", proves)
     grasp = read_grasp(found()["grasps"][0]["grasp"], "g")
     its = terms(torque_limits={"grip": 1.5, "spare": 9.0}, eta=0.125, force_limit=4.0)
-    done = grasps._held(Fields(state(0.25)), grasp, its, "a", LOADS["a"])
+    done = grasps._held(Fields(state(0.25)), grasp, its, "a", LOADS["a"], NEARBY)
     assert (done.name, done.claim, done.reason) == ("a", claim, reason)
     assert done.figures == {"residual": 0.25, "exact": exact}
     ((p, x),) = asked
@@ -718,7 +723,7 @@ def test_a_witness_of_a_load(
     assert (p.limit.tolist(), p.force_limit, p.sin) == ([1.5, 9], 4, np.sin(0.125))
     assert x.c.tolist() == state(0.25)["c"]
     with pytest.raises(BadFile, match="more: is not a known field"):
-        grasps._held(Fields(state(0.25) | {"more": 1}), grasp, its, "a", LOADS["a"])
+        grasps._held(Fields(state(0.25) | {"more": 1}), grasp, its, "a", LOADS["a"], NEARBY)
 
 
 def test_weights_act_at_the_centre_of_mass() -> None:
@@ -759,3 +764,26 @@ def test_contacts_in_one_place_are_no_grasp_of_a_task() -> None:
     entry["contacts"][0]["position"][1] = 1e-13
     assert read_grasp(entry, "g").spans
     assert replay_grasps(data).reason == "grasp 1: the point of contact 0 is not that of the configuration"
+
+
+NEARBY = np.zeros(2), np.zeros(2)  # contacts as in the configuration
+
+
+def test_contacts_that_are_a_little_off_hold_no_load_of_their_own() -> None:
+    """Normals may be 10^-9 off, but not if that times what presses is more than 10^-9 of the load, of 0.5 N."""
+    grasp, load = read_grasp(found()["grasps"][0]["grasp"], "g"), np.array([0, 0, -0.5, 0, 0, 0])
+    none, force, most = np.zeros(2), np.hypot(1.0, 0.25), 0.5e-9  # [N] at each of the two contacts, and allowed
+    for by, shown in ((0.99, True), (1.01, False)):
+        for off in ((np.array([by * most * grasp.size / force, 0]), none), (none, np.full(2, by * most / force / 4))):
+            done = grasps._held(Fields(state(0.25)), grasp, terms(), "a", load, off)
+            assert done.ok == shown
+            assert shown or done.refused.startswith("its contacts are not those of the configuration by ")
+
+
+@pytest.mark.parametrize(("turn", "shown"), [(0.99, True), (1.01, False)])
+def test_what_motions_make_of_contacts_that_are_off_counts(turn: float, shown: bool) -> None:
+    """The object turns about the line through both contacts, which moves nothing; these are 1e-16 m off."""
+    grasp, load = read_grasp(found()["grasps"][0]["grasp"], "g"), np.array([0, 0, -0.5, 0, 0, 0])
+    moving = state(0.25) | {"r": [0.0, 0, 0, 0, turn * 0.5e-7 / 1e-16, 0]}
+    off = np.full(2, 1e-16), np.zeros(2)
+    assert grasps._held(Fields(moving), grasp, terms(), "a", load, off).ok == shown

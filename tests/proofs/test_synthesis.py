@@ -625,7 +625,7 @@ def test_a_configuration_that_is_said_is_the_exact_one_and_not_of_a_wide_box() -
     proof["dependent"] = ["position:1", "joint:left_slide", *(f"contact:{k}:{n}" for k in (0, 1) for n in "st")]
     proof["radii"] = [0.03, 0.0149, *[1e-4] * 4]
     done = replay(data)
-    assert done.reason.startswith("configuration 0: position:1 of the exact configuration may be 0.02 from what is")
+    assert done.reason.startswith("configuration 0: joints of the exact configuration may be 0.0099 from what is said")
     assert done.parts[0].figures["step"] < 1  # there is one in the box
 
 
@@ -640,3 +640,35 @@ def test_bounds_of_axes_are_named_where_they_exclude_contacts() -> None:
     assert done.parts[0].claim.startswith(
         "contacts 0 and 1 exclude each other, where axes of the object are bounded, by"
     )
+
+
+def test_joints_that_follow_by_gears_are_where_the_solution_is() -> None:
+    """A knob that drives both fingers, 10^3 times as far: 10^-9 of it is 1 um of these."""
+    data = changed("gripped", same)
+    hand, said = data["task"]["hand"], first(data)
+    names = [j["name"] for j in hand["joints"]]
+    assert names == ["left_slide", "right_slide"]
+    knob = {"name": "knob", "type": "revolute", "axis": [0, 0, 1], "anchor": [0, 0, 0], "limits": [0, 1], "ref": 0.0}
+    hand["joints"].append(knob)
+    hand["couplings"] = [{"joint": k, "leader": 2, "ratio": 1000.0, "offset": 0.0} for k in (0, 1)]
+    proof, wide = said["existence"], said["joints"]["left_slide"]
+    proof["dependent"] = [x.replace("joint:left_slide", "joint:knob") for x in proof["dependent"]]
+    slacks = "slacks are not those of its proof"  # those that are said are the fingers'
+    for off, words in ((0.0, slacks), (9e-10, "joints of the exact configuration may be 9e-07 from what is said")):
+        proof["joints"] = {"knob": wide / 1000 + off}
+        at = 1000.0 * proof["joints"]["knob"]
+        said["joints"] = {"left_slide": at, "right_slide": at, "knob": proof["joints"]["knob"]}
+        assert reason(data) == f"configuration 0: {words}"
+
+
+def test_an_orientation_is_that_of_the_solution_however_short_the_quaternion_is() -> None:
+    """A thousandth of a component of length 1 is as much of one of length 1/1000."""
+    for scale in (1.0, 2e-3):
+        data = changed("gripped", same)
+        proof = first(data)["existence"]
+        proof["quaternion"] = [x * scale for x in proof["quaternion"]]
+        proof["radii"] = [
+            r * (scale if "quaternion" in name else 1)
+            for name, r in zip(proof["dependent"], proof["radii"], strict=True)
+        ]
+        assert reason(data) == ""

@@ -24,7 +24,7 @@ import numpy as np
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, numbers
 from handfast.proofs.intervals import MACHINE_EPSILON, Interval, cos, join, sqr, sqrt
-from handfast.proofs.replay import Figure, Refused, Replay
+from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData
 
 SCHEMA = "handfast/existence/1"
@@ -155,16 +155,23 @@ def examined(
     return Replay(name, CLAIM, AND.join(reasons), figures), at, at_floats
 
 
-def solution(at: Values, figures: Mapping[str, Figure]) -> Interval:
-    """(1, n) coordinates between which the solution is that a proof shows, by its values and figures.
+def solution(equations: ContactEquations, proof: Existence, at: Values) -> Interval:
+    """(1, n) coordinates between which the solution is that a proof shows; at: its values.
 
     The solution is in c - Y F(c) + (I - Y J) (X - c) for X about c that reach as far as it: no coordinate is farther
     from its float, in radii, than the step and the contraction times the farthest.
     """
-    step, contraction = (float(figures[name] or 0.0) for name in ("step", "contraction"))
-    share = step / (1 - contraction) * (1 + 2 * MACHINE_EPSILON) if contraction < 1 else 1.0
-    c = at.coordinates[:1]
-    return c + (at.coordinates[1:] - c) * min(share, 1.0)
+    box, out = _Box.of(equations, proof), at.coordinates[:1]
+    moved = _moved(box, at)
+    if moved is None:
+        return at.coordinates[1:]
+    steps, changes = (x.mag / box.radii * (1 + 2 * MACHINE_EPSILON) for x in moved)
+    contraction = float(changes.max())
+    share = min(float(steps.max()) / (1 - contraction) * (1 + 4 * MACHINE_EPSILON), 1.0) if contraction < 1 else 1.0
+    off = np.minimum((steps + share * changes) * (1 + 4 * MACHINE_EPSILON), 1.0) * box.radii
+    ends = out.ends.copy()
+    ends[0, box.dependent] = Interval.around(out.mid[0, box.dependent], off * (1 + 2 * MACHINE_EPSILON)).ends
+    return Interval(ends)
 
 
 def _uv(contact: ContactPoint) -> tuple[float, ...]:
@@ -247,20 +254,16 @@ def _refuse_empty(task: TaskData) -> None:
 
 def _krawczyk(box: _Box, at: Values) -> tuple[list[str], dict[str, float]]:
     """Reasons why no solution is shown; then the contraction, the step and the gap."""
-    F, J = at.F.value[0], at.F.slope[box.dependent, 1].swapped()
+    J = at.F.slope[box.dependent, 1].swapped()
     gaps = sqrt(sqr(at.gap[0]).sum()).hi
     figures = {"contraction": np.inf, "step": np.inf, "gap": float(gaps.max()) if not np.isnan(gaps).any() else np.inf}
     if not np.isfinite(J.mid).all():
         return ["the box is too wide: in it the equations have no finite derivatives"], figures
-    try:
-        Y = np.linalg.inv(J.mid)
-    except np.linalg.LinAlgError:
-        Y = np.full(J.shape, np.nan)
-    if not np.isfinite(Y).all():
+    moved = _moved(box, at)
+    if moved is None:
         return ["the dependent coordinates are not determined: their Jacobian is singular"], figures
-    by = Interval.of(Y) @ Interval(np.concatenate([F.ends[:, None], J.ends], axis=1))
-    step, change = by[:, 0], (np.eye(len(Y)) - by[:, 1:]) @ Interval.around(0.0, box.radii)[:, None]
-    steps, changes = step.mag / box.radii, change[:, 0].mag / box.radii
+    step, change = moved
+    steps, changes = step.mag / box.radii, change.mag / box.radii
     figures |= {"contraction": _most(changes), "step": _most(steps)}
     if not (changes < 1).all():
         worst = _worst(changes)
@@ -270,10 +273,23 @@ def _krawczyk(box: _Box, at: Values) -> tuple[list[str], dict[str, float]]:
         worst, k = _worst(steps), _worst(gaps)
         why = f"the floats do not meet the equations (contact {k} is open by {gaps[k]:.3g} m)"
         return [f"{why}: a Newton step moves {box.labels[worst]} by {steps[worst]:.3g} radii"], figures
-    if not ((step - change[:, 0]).mag < box.radii).all():
+    if not ((step - change).mag < box.radii).all():
         worst = _worst(steps + changes)
         return [f"the box is too tight: a solution near it may lie outside in {box.labels[worst]}"], figures
     return [], figures
+
+
+def _moved(box: _Box, at: Values) -> tuple[Interval, Interval] | None:
+    """(E,) each: Y F(c), and (I - Y J) (X - c); None where J has no inverse."""
+    F, J = at.F.value[0], at.F.slope[box.dependent, 1].swapped()
+    try:
+        Y = np.linalg.inv(J.mid)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.isfinite(Y).all():
+        return None
+    by = Interval.of(Y) @ Interval(np.concatenate([F.ends[:, None], J.ends], axis=1))
+    return by[:, 0], ((np.eye(len(Y)) - by[:, 1:]) @ Interval.around(0.0, box.radii)[:, None])[:, 0]
 
 
 def _worst(x: Array) -> int:

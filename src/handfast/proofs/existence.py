@@ -81,8 +81,7 @@ def prove(p: Problem, x: State, least: float = -np.inf, within: float | None = N
     if not (p.scale >= MIN_FORCE_SCALE and p.grasp.size >= MIN_SIZE):
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None
-    if within is None:
-        within = FORCE_DEVIATION * max(acting(p, x), motion_size(p.grasp, x.motion))
+    within = _told(p, x) if within is None else within
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which shows nothing
         done = _attempts(p, x, tries, within, free=free)
         if free and tries > 1 and not (done.exact and done.reaches(least)):
@@ -93,29 +92,28 @@ def prove(p: Problem, x: State, least: float = -np.inf, within: float | None = N
     rough = near(p, x)
     if not rough.shown:
         rough = min(rough, _nearer(p, x, rough.modes), key=lambda found: found.missed)
-    if rough.shown and rough.changed <= within:
-        at = None if p.along is None else (p.magnitude, p.magnitude)
-        return Proved(False, True, done.reason, rough.missed, rough.changed, rough.motion, 0.0, at, rough.modes)
-    if done.exact:
-        return done
-    missed = f"{rough.where} is missed by {rough.missed:.1e} of the load"
-    reason = f"{done.reason}; {_far('motion', rough.changed) if rough.shown else missed}"
-    return replace(done, reason=reason, residual=rough.missed)
+    fault = f"{rough.where} is missed by {rough.missed:.1e} of the load" if not rough.shown else ""
+    fault = fault or _farther(p, x, within, rough.forces, rough.changed, rough.apart)
+    if not fault:
+        at, radius = None if p.along is None else (p.magnitude, p.magnitude), max(rough.forces, rough.changed)
+        return Proved(False, True, done.reason, rough.missed, radius, rough.motion, 0.0, at, rough.modes)
+    return done if done.exact else replace(done, reason=f"{done.reason}; {fault}", residual=rough.missed)
 
 
 def _nearer(p: Problem, x: State, modes: Modes) -> Near:
     """What a state misses after Newton's method in some modes; all of it where that fails, or leads elsewhere."""
-    elsewhere = Near(np.inf, "all", modes, np.inf)
+    elsewhere = Near(np.inf, "all", modes, np.inf, np.inf, np.inf)
     try:
         v, forces, _ = solution(System.of(p, modes, x, False))
     except NotShown:
         return elsewhere
-    apart = (np.abs(forces - x.forces(p.grasp)) * p.grasp.row_units).max()
+    apart = (np.abs(forces - x.forces(p.grasp)) * p.grasp.told_units).max()
     if not apart <= FORCE_DEVIATION * acting(p, x):
         return elsewhere
     found, g = near(p, State.of(p.grasp, v, forces)), p.grasp
-    moved = float((np.abs(g.rows[0] @ (v - x.motion)) / g.row_units).max())
-    return replace(found, changed=found.changed + max(float(apart), moved))
+    moved = float((np.abs(g.rows[0] @ (v - x.motion)) / g.told_units).max())
+    away = found.apart + motion_size(g, v - x.motion)
+    return replace(found, forces=found.forces + float(apart), changed=found.changed + moved, apart=away)
 
 
 def polished(p: Problem, x: State, modes: Modes | None = None) -> tuple[Problem, State]:
@@ -319,16 +317,30 @@ def _said(g: GraspData, name: str, k: int) -> str:
 
 def _radius(p: Problem, x: State, box: Box, within: float) -> float:
     """[N] how far the box is from the floats at most. Raises `NotShown` where that is more than counts, see `prove`."""
-    motion = (np.abs(box.d - p.grasp.rows[0] @ x.motion) + box.d_off) / p.grasp.row_units
-    force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.grasp.row_units
-    for kind, off, most in (("force", force, FORCE_DEVIATION * acting(p, x)), ("motion", motion, within)):
-        if not off.max() <= most:
-            raise NotShown(f"{row_name(p, int(np.argmax(off)))}: {_far(kind, off.max())}", rounding=True)
+    motion = (np.abs(box.d - p.grasp.rows[0] @ x.motion) + box.d_off) / p.grasp.told_units
+    force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.grasp.told_units
+    fault = _farther(p, x, within, force.max(), motion.max(), motion_size(p.grasp, box.v - x.motion, box.v_off))
+    if fault:
+        off = force if force.max() > FORCE_DEVIATION * acting(p, x) else motion
+        raise NotShown(f"{row_name(p, int(np.argmax(off)))}: {fault}", rounding=True)
     return float(max(motion.max(), force.max()))
 
 
-def _far(kind: str, off: float) -> str:
-    return f"the {kind} of the state that is proved is {off:.1e} N from the printed one"
+def _told(p: Problem, x: State) -> float:
+    """[N] how far motions may be from those of a state that are printed."""
+    return FORCE_DEVIATION * max(acting(p, x), motion_size(p.grasp, x.motion))
+
+
+def _farther(p: Problem, x: State, within: float, forces: float, motions: float, apart: float) -> str:
+    """What is proved too far from a state's floats: forces and motions at the contacts, or all motions; "" if nothing.
+
+    apart: as `motion_size`, which knows joints that turn close by a contact.
+    """
+    if not forces <= FORCE_DEVIATION * acting(p, x):
+        return f"the force of the state that is proved is {forces:.1e} N from the printed one"
+    if not (motions <= within and apart <= max(within, _told(p, x))):
+        return f"the motion of the state that is proved is {max(motions, apart):.1e} N from the printed one"
+    return ""
 
 
 def row_name(p: Problem, k: int) -> str:

@@ -104,6 +104,8 @@ def verify_path(path: str | Path) -> Replay:
         name, data = _of_folder(path, plan, "contacts_file", few_contacts.SCHEMA)
         shown, due = verify(data, name), few_contacts.read_claim(data, name)
         parts.append(Replay(name, "", _beside(due, loads, known), parts=(shown,)))
+        if verdict == "none" and due.fewest.most < 1:
+            wrong = f"NONE, but {due.words}"
         wrong = wrong or ("" if words in (None, due.words) else f"fewest_contacts is not '{due.words}'")
     elif words is not None:
         wrong = wrong or "fewest_contacts is said without a contacts_file"

@@ -263,6 +263,14 @@ class GraspData:
         return np.where(size > 0, size, 1.0)
 
     @cached_property
+    def told_units(self) -> Array:
+        """(N + 1,) the same with turns about the contacts' centroid: wherever the origin is."""
+        M = self.rows[0].copy()
+        M[:, 3:6] -= cross_rows(self.centroid, M[:, :3])
+        size = np.sqrt(((M * self.column_units) ** 2).sum(axis=1))
+        return np.where(size > 0, size, 1.0)
+
+    @cached_property
     def contact_rows(self) -> Integers:
         """(m, 4) rows of d_n, d_t1, d_t2 and the turning of each contact; N, which is none, at point contacts."""
         out = np.full((self.m, 4), len(self.rows[0]) - 1)

@@ -12,7 +12,7 @@ its loads so many times (`strength`), and no placement of the contacts more than
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -29,13 +29,14 @@ from handfast.proofs.existence import prove
 from handfast.proofs.few_contacts import replay_of_loads
 from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, refuse_no_limit, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp
-from handfast.proofs.intervals import Interval
+from handfast.proofs.intervals import Interval, sqr, sqrt
 from handfast.proofs.motors import Motors
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, read_state
 from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
 from handfast.proofs.tasks import TaskData, read_task
+from handfast.proofs.tolerance import EPS, load_scale
 from handfast.proofs.unbalanced import Placements, replay_unbalanced
 
 SCHEMA = "handfast/grasps/1"
@@ -47,6 +48,7 @@ JOINTS_CLAIM = (
     "that the joints of a grasp, what acts on them and what ties them are those of the hand at its configuration, and "
     "in which sense its motors drive them"
 )
+MOTION_MISSED = 1e-7  # of the load: what motions (3) make of contacts that are off by rounding
 _Motor = tuple[dict[str, float], bool, bool]
 
 
@@ -215,29 +217,36 @@ def _read_loads(f: Fields, thing: Fields) -> tuple[Mapping[str, Array], Array | 
     return out, centre if weights else None
 
 
-def _elsewhere(grasp: GraspData, joints: Mapping[str, float], equations: ContactEquations, x: Interval) -> str:
+def _elsewhere(
+    grasp: GraspData, joints: Mapping[str, float], equations: ContactEquations, x: Interval
+) -> tuple[str, Array, Array]:
     """Which contact or joint of a grasp is not the one of an exact configuration, but for rounding; '' if all are.
+
+    And how far points (m,) [m] and normals (m,) of its contacts are from there, at most.
 
     x: (1, n) coordinates between which the configuration is.
     """
+    none = np.zeros(grasp.m)
     task = equations.task
     links = tuple(task.hand.links[link].name for link in task.links)
     if grasp.m > 1 and not grasp.spans:
-        return "its contacts are in one place"
+        return "its contacts are in one place", none, none
     if grasp.links != links:
-        return f"its contacts are of {', '.join(grasp.links)}; those of the task are of {', '.join(links)}"
+        return f"its contacts are of {', '.join(grasp.links)}; those of the task are of {', '.join(links)}", none, none
     at = equations.sides.object.at(x)
     point = at.point.value[0]
     size = min(grasp.size, task.size)  # joints may be anywhere
-    near = (point - grasp.positions).mag.max(axis=1) <= EQUALITY_TOLERANCE * size
-    along = (at.normal.value[0] + grasp.frames[:, :, 0]).mag.max(axis=1) <= EQUALITY_TOLERANCE
-    for right, what in ((near, "point"), (along, "normal")):
+    points = sqrt(sqr(point - grasp.positions).sum()).hi
+    normals = sqrt(sqr(at.normal.value[0] + grasp.frames[:, :, 0]).sum()).hi
+    for right, what in ((points <= EQUALITY_TOLERANCE * size, "point"), (normals <= EQUALITY_TOLERANCE, "normal")):
         if not right.all():
-            return f"the {what} of contact {right.argmin()} is not that of the configuration"
-    for j, name in ((j, task.hand.joints[j]) for j in task.free):
-        if not (x[0, equations.column[f"joint:{name}"]] - joints[name]).mag <= task.tolerance(j):
-            return f"{name} is not that of the configuration"
-    return ""
+            return f"the {what} of contact {right.argmin()} is not that of the configuration", none, none
+    drive = equations.sides.drive
+    values = drive.at(x)[0]
+    for k, j in enumerate(drive.joints):
+        if not (values[k] - joints[task.hand.joints[j]]).mag <= task.tolerance(j):
+            return f"{task.hand.joints[j]} is not that of the configuration", none, none
+    return "", points, normals
 
 
 def _other_motors(grasp: GraspData, motors: Mapping[str, _Motor]) -> str:
@@ -265,8 +274,9 @@ def _grasp(
     task = equations.task
     exists, at, _ = examined(equations, existence, "configuration")
     parts, refused = [exists], task.misplaced(joints, existence.joints)
-    if at is not None and exists.ok:
-        refused = refused or _elsewhere(grasp, joints, equations, solution(at, exists.figures))
+    off = [np.zeros(grasp.m), np.zeros(grasp.m)]
+    if at is not None and exists.ok and not refused:
+        refused, *off = _elsewhere(grasp, joints, equations, solution(equations, existence, at))
     refused = refused or _other_motors(grasp, motors)
     if (grasp.mu != terms.friction).any():
         refused = refused or f"friction at its contacts is not {terms.friction:g}"
@@ -290,19 +300,31 @@ def _grasp(
             if not states.has(load):
                 refused = refused or f"has no witness of {times}{load}"
                 continue
-            parts.append(_held(states.object(load), grasp, terms, times + load, factor * wrench))
+            parts.append(_held(states.object(load), grasp, terms, times + load, factor * wrench, off))
         states.done()
     f.done()
     return Replay(name, "", refused, figures, parts=tuple(parts))
 
 
-def _held(f: Fields, grasp: GraspData, terms: _Terms, load: str, wrench: Array) -> Replay:
-    """That a load (6,) is held in the state of a witness."""
+def _held(f: Fields, grasp: GraspData, terms: _Terms, load: str, wrench: Array, off: Sequence[Array]) -> Replay:
+    """That a load (6,) is held in the state of a witness.
+
+    off: how far points (m,) [m] and normals (m,) of the contacts may be from those of the configuration. What that
+    makes of contact forces may be no more than what a state may miss, of motions `MOTION_MISSED`.
+    """
     state = read_state(f, grasp)
     f.done()
     limits = {a: x for a, x in terms.torque_limits.items() if a in grasp.actuators}
     question = Question(grasp, CHECK, False, wrench, np.zeros(6), terms.eta, True, limits, terms.force_limit, ())
     found = prove(Problem.of(question, grasp.command, wrench), state)
     reason = "" if found.exact or found.tolerant else found.reason
+    c, d = (np.linalg.norm(y[: 3 * grasp.m].reshape(-1, 3), axis=1) for y in (state.c, grasp.rows[0] @ state.motion))
+    points, normals = off[0] / grasp.size, off[1]
+    missed = float((c * (points + 2 * normals)).sum())
+    moved = float((2 * d * normals + np.abs(state.motion[3:6]).sum() * off[0]).max())
+    scale = load_scale(grasp, wrench)
+    for size, most, what in ((missed, EPS, "forces"), (moved, MOTION_MISSED, "motions")):
+        if not size <= most * scale:
+            reason = reason or f"its contacts are not those of the configuration by {size:.1e} N with these {what}"
     claim = f"{load} is held" + ("" if found.exact else ", to 1e-9 of the load")
     return Replay(load, claim, reason, {"residual": found.residual, "exact": found.exact})

@@ -36,14 +36,16 @@ class Near:
     Attributes:
         missed: the most of it, relative to the load: EPS or less is shown. where: what that is.
         modes: of the states that are shown.
-        changed: [N] how far forces and motions at the contacts are from the floats at most.
-        motion: [N] `tolerance.motion_size` of the states at most.
+        forces, changed: [N] how far forces and motions at the contacts are from the floats at most.
+        apart: [N] `tolerance.motion_size` of how far all motions are from them at most; motion: of the states.
     """
 
     missed: float
     where: str
     modes: Modes
+    forces: float
     changed: float
+    apart: float
     motion: float = np.inf
 
     @property
@@ -239,7 +241,7 @@ class _Curve:
         best, every = cost.argmin(axis=0), np.arange(g.m)
         self.contact = np.array([int(option[0]) for option in slips])[best]
         self.c_off, self.slip = changes[best, every], gives[best, every]
-        self.changed = float(max(self.c_off.max(), self.slip.max()))
+        self.forces = float(self.c_off.max())
         self._fault("the law of contact {}", self.slip)
         opens = self.contact == ContactMode.OPEN
         self.c[:, opens], self.twist[:, opens], self.c_off[opens] = 0.0, 0.0, 0.0
@@ -274,9 +276,11 @@ class _Curve:
             self._fault("the work of what (1) and (2) miss", work * RESIDUAL_INFLATION / F * (EPS / WORK))
         where = max(self.faults, key=lambda name: self.faults[name])
         modes = Modes(self.contact, np.zeros(g.m, dtype=bool), self.actuator, self.joint)
-        projected = np.abs((floats(self.q) - self.x["q"]) @ g.rows[0][:, 6:].T) / g.row_units
-        changed = max(self.changed, float(projected.max(initial=0.0)))
-        return Near(self.faults[where], where, modes, changed, motion_size(g, floats(v)))
+        projected = floats(self.q) - self.x["q"]
+        at_contacts = np.abs(projected @ g.rows[0][:, 6:].T) / g.told_units
+        changed = max(float(self.slip.max()), float(at_contacts.max(initial=0.0)))
+        apart = motion_size(g, np.hstack([np.zeros((len(projected), 6)), projected]))
+        return Near(self.faults[where], where, modes, self.forces, changed, apart, motion_size(g, floats(v)))
 
 
 def _projected(q: Array, rows: Array, units: Array, at: Array) -> Array | None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.configurations import examined, read_existence, solution
+from handfast.proofs.configurations import Existence, examined, read_existence, solution
 from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, numbers, same
@@ -153,7 +153,7 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
             moved = {
                 task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)
             }
-            fault = _farther(equations, at, done) or _difference(task, follows, moved, beside)
+            fault = _farther(equations, at, proof) or _difference(task, follows, moved, beside)
             done = Replay(done.name, done.claim, fault, done.figures)
             places.append(_features(task, moved, at))
         parts.append(done)
@@ -165,18 +165,21 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
     return tuple(parts)
 
 
-def _farther(equations: ContactEquations, at: Values, shown: Replay) -> str:
-    """Which coordinate of the exact configuration is not that of the floats, but for rounding; '' if all are."""
-    task, off = equations.task, (solution(at, shown.figures) - at.coordinates[:1]).mag[0]
-    allowed = np.full(len(off), EQUALITY_TOLERANCE)
-    allowed[equations.place] *= task.size
-    for j in task.free:
-        allowed[equations.column[f"joint:{task.hand.joints[j]}"]] = task.tolerance(j)
-    if (off <= allowed).all():
-        return ""
-    k = int(np.argmax(off / np.maximum(allowed, 1e-300)))
-    label = list(equations.column)[k]
-    return f"{label} of the exact configuration may be {off[k]:.2g} from what is said, at most {allowed[k]:.2g} counts"
+def _farther(equations: ContactEquations, at: Values, proof: Existence) -> str:
+    """What of the exact configuration is not that of the floats, but for rounding; '' if all is."""
+    task, there = equations.task, equations.at(solution(equations, proof, at))
+    of_joints = np.array([task.tolerance(j) for j in equations.sides.drive.joints])
+    for name, exact, floats, allowed in (
+        ("joints", there.joints, at.joints, of_joints),
+        ("position", there.position, at.position, task.size * EQUALITY_TOLERANCE),
+        ("orientation", there.rotation, at.rotation, EQUALITY_TOLERANCE),
+        ("points", there.point, at.point, task.size * EQUALITY_TOLERANCE),
+        ("normals", there.normal, at.normal, EQUALITY_TOLERANCE),
+    ):
+        off = (exact[0] - floats.mid[0]).mag
+        if not (off <= allowed).all():
+            return f"{name} of the exact configuration may be {np.max(off):.2g} from what is said"
+    return ""
 
 
 def _following(
