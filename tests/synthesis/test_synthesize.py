@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.model.hand import Coupling
 from handfast.model.region import Bezier, Cap
+from handfast.proofs import files
 from handfast.readers.configuration_file import save_configuration
 from handfast.synthesis import query
 from handfast.synthesis.query import synthesize
@@ -23,6 +26,7 @@ from handfast.synthesis.solution import Solution, whole
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.holds import OPEN, flat_grip, grip, pinch
+from tests.support.planted_proofs import odd_case, sah_case
 
 
 def test_a_block_that_fits_is_gripped(found: Synthesis) -> None:
@@ -230,3 +234,11 @@ def test_whole_configuration_of_a_fixed_coupling() -> None:
 def test_solution_of_another_task_is_refused(found: Synthesis) -> None:
     wrong = Solution.of(grip(0.06), found.solutions[0].existence)
     assert not wrong.verify().ok
+
+
+@pytest.mark.parametrize(("case", "seed"), [(sah_case, 5037), (odd_case, 5166), (odd_case, 5203)])
+def test_what_is_told_is_the_solution_to_1e_9(case: Callable, seed: int) -> None:
+    """Searches end 10^-9 beside the solution of these; what is told is a step of Newton's method farther."""
+    found = synthesize(case(seed).task, count=2, seed=seed)
+    done = files.verify(json.loads(json.dumps(found.to_file())))
+    assert done.ok, done.reason

@@ -18,6 +18,7 @@ from handfast.synthesis.task_groups import QUATERNION
 
 RADIUS = 1e-7  # rad and units to begin with; the residual asks for more where the system is ill conditioned
 RADII = 4  # tenfold larger boxes that are tried
+NEAR, STEPS = 1e-12, 2  # rad and units: so near a candidate is told, after so many steps more
 TERM_ROUNDING = 1e-14  # a term: more than the rounding of the sums below, relative
 
 
@@ -41,6 +42,15 @@ def certify(x, task, bounds, work, chosen, radii):
         return False
     if not _newton(here.equation, proof):
         return False
+    for _ in range(STEPS):  # what is told is that of the solution: so near
+        if not _aside(proof):
+            break
+        for i in range(e):
+            for c in range(e):
+                x[chosen[i], 0] -= proof.inverse[i, c] * here.equation[c, 0]
+        evaluate(x, task, here, work.contact)
+        if not _newton(here.equation, proof):
+            return False
     radius = RADIUS
     for _ in range(RADII):
         for i in range(x.shape[0]):
@@ -150,6 +160,15 @@ def _newton(equation, proof):
         if not proof.moved[i] < 1e-2:
             return False
     return True
+
+
+@inner
+def _aside(proof):
+    """May a coordinate be farther than `NEAR` from the solution, and none much more?"""
+    largest = 0.0
+    for i in range(proof.moved.shape[0]):
+        largest = max(largest, proof.moved[i])
+    return NEAR < largest < RADIUS
 
 
 @inner
