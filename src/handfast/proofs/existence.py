@@ -338,7 +338,7 @@ def _farther(p: Problem, x: State, within: float, forces: float, motions: float,
     """
     if not forces <= FORCE_DEVIATION * acting(p, x):
         return f"the force of the state that is proved is {forces:.1e} N from the printed one"
-    if not (motions <= within and apart <= max(within, _told(p, x))):
+    if not (motions <= within and (apart <= within or apart <= _told(p, x))):
         return f"the motion of the state that is proved is {max(motions, apart):.1e} N from the printed one"
     return ""
 

@@ -244,14 +244,13 @@ class Held:
         """Is there no line through the centre of mass along which two contacts can push against each other?"""
         if not 0 < self.friction <= MAX_LINE_FRICTION or self.torsion:
             return False
-        own, count = [], 0
-        for solid in self.solids:
-            part = solid.parts()
-            count += len(part) if part is not None else FIRST_PARTS + 1
-            if part is None or count > FIRST_PARTS:
+        own: list[SurfaceParts] = []
+        for k, solid in enumerate(self.solids):
+            its = solid.parts()
+            if its is None or sum(map(len, own)) + len(its) > FIRST_PARTS:
                 return False
-            own.append(part)
-        parts = SurfaceParts.joined([replace(p, solid=p.solid + k) for k, p in enumerate(own)])
+            own.append(replace(its, solid=its.solid + k))
+        parts = SurfaceParts.joined(own)
         for _ in range(SURFACE_HALVINGS):
             parts = parts[self._against(parts)]
             parts = parts[~hidden(parts, self.solids)]
@@ -374,7 +373,7 @@ def read_held(f: Fields) -> tuple[Held, tuple[str, ...]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Claim:
+class ContactsClaim:
     """What a file says: of what, how many contacts at least, and loads (6,) by name."""
 
     held: Held
@@ -387,7 +386,7 @@ class Claim:
         return words(self.fewest)
 
 
-def read_claim(data: Any, place: str = "") -> Claim:
+def read_claim(data: Any, place: str = "") -> ContactsClaim:
     """The claim of a parsed file. Raises `BadFile`."""
     f = Fields(data, place)
     f.text("schema", among=[SCHEMA])
@@ -396,7 +395,7 @@ def read_claim(data: Any, place: str = "") -> Claim:
     held, names = read_held(f)
     contacts = f.whole("contacts", least=1) if f.has("contacts") else None
     f.done()
-    return Claim(held, Fewest(contacts, reason), dict(zip(names, held.loads.tolist(), strict=True)))
+    return ContactsClaim(held, Fewest(contacts, reason), dict(zip(names, held.loads.tolist(), strict=True)))
 
 
 def replay(data: Any, place: str = "") -> Replay:

@@ -128,7 +128,7 @@ def _of_folder(folder: Path, f: Fields, key: str, schema: str) -> tuple[str, Any
     return name, data
 
 
-def _beside(said: few_contacts.Claim, loads: Mapping[str, Array], grasps: Sequence[GraspData]) -> str:
+def _beside(said: few_contacts.ContactsClaim, loads: Mapping[str, Array], grasps: Sequence[GraspData]) -> str:
     """What of a claim how many contacts it takes does not go with the plan's loads and grasps; "" if all does."""
     if loads and {name: w.tolist() for name, w in loads.items()} != said.loads:
         return f"its loads are not those of {PLAN_FILE}"

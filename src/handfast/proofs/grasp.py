@@ -259,16 +259,28 @@ class GraspData:
     @cached_property
     def row_units(self) -> Array:
         """(N + 1,) motions of `rows` per unit of motion at the contacts; forces are the other way round."""
-        size = np.sqrt(((self.rows[0] * self.column_units) ** 2).sum(axis=1))
-        return np.where(size > 0, size, 1.0)
+        return self._units_of(self.rows[0])
 
     @cached_property
     def told_units(self) -> Array:
         """(N + 1,) the same with turns about the contacts' centroid: wherever the origin is."""
         M = self.rows[0].copy()
         M[:, 3:6] -= cross_rows(self.centroid, M[:, :3])
+        return self._units_of(M)
+
+    def _units_of(self, M: Array) -> Array:
         size = np.sqrt(((M * self.column_units) ** 2).sum(axis=1))
         return np.where(size > 0, size, 1.0)
+
+    @cached_property
+    def force_arms(self) -> tuple[Array, Array]:
+        """(m,) [m] and (m, l): torques that a force at a contact makes at most, its torsion over the lever among it.
+
+        About the contacts' centroid, and of each joint.
+        """
+        J = np.sqrt((self.J.reshape(self.m, 3, self.l) ** 2).sum(axis=1))
+        J[self.soft] += np.abs(self.twist_jacobian)
+        return np.linalg.norm(self.positions - self.centroid, axis=1) + self.lever, J
 
     @cached_property
     def contact_rows(self) -> Integers:

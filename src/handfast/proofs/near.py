@@ -261,9 +261,7 @@ class _Curve:
             total[:, :6] += exact(self.s)[:, None] * exact(p.along)
         total[:, 3:6] -= np.cross(center, total[:, :3])
         off, moved = floats(total), floats(np.hstack([v[:, :3] + np.cross(v[:, 3:6], center), v[:, 3:]]))
-        arms = np.linalg.norm(g.positions - g.centroid, axis=1) + g.lever
-        J = np.sqrt((g.J.reshape(g.m, 3, g.l) ** 2).sum(axis=1))
-        J[g.soft] += np.abs(g.twist_jacobian)
+        arms, J = g.force_arms
         joints = self.c_off @ J + self.f_off @ np.abs(g.R) + self.reaction_off + np.abs(off[:, 6:]).max(axis=0)
         length = lambda x: np.sqrt((x**2).sum(axis=1)).max()  # noqa: E731
         force = self.c_off.sum() + length(off[:, :3])

@@ -26,7 +26,7 @@ TERM_ROUNDING = 1e-14  # a term: more than the rounding of the sums below, relat
 def certify(x, task, bounds, work, chosen, radii):
     """True if an exact solution is proved within `radii` of x (n, 2), between the bounds; work: `LocalWork`.
 
-    Out: chosen (e,) dependent coordinates, radii (e,) of their box.
+    Out: chosen (e,) dependent coordinates, radii (e,) of their box; x, nearer to the solution than it was.
     """
     here, there, proof = work.here, work.there, work.proof
     e, quaternion = here.equation.shape[0], task.coordinates.parameter[0] - QUATERNION
