@@ -11,6 +11,7 @@ import copy
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -787,3 +788,18 @@ def test_what_motions_make_of_contacts_that_are_off_counts(turn: float, shown: b
     moving = state(0.25) | {"r": [0.0, 0, 0, 0, turn * 0.5e-7 / 1e-16, 0]}
     off = np.full(2, 1e-16), np.zeros(2)
     assert grasps._held(Fields(moving), grasp, terms(), "a", load, off).ok == shown
+
+
+def test_what_contacts_that_are_off_make_of_torques_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """About a joint 10 m away, and as torsion 10 times as large as the force, over the lever."""
+    monkeypatch.setattr(grasps, "prove", lambda p, x: Proved(True, False, "", 0.0))
+    near, load = read_grasp(found()["grasps"][0]["grasp"], "g"), np.array([0, 0, -0.5, 0, 0, 0])
+    turning = np.ones(2, dtype=bool)
+    far = replace(near, revolute=turning, axes=np.tile([1.0, 0, 0], (2, 1)), origins=np.tile([0.0, 0, 10.0], (2, 1)))
+    soft, force = replace(near, lever=np.full(2, 0.01)), np.hypot(1.0, 0.25)
+    twisted = state(0.25) | {"torsion": [0.1, 0.0]}
+    twist = np.hypot(10, force) / force  # its lever, of 10 mm, is an arm, too
+    for grasp, x, times in ((far, state(0.25), 10 / near.size), (soft, twisted, twist * (1 + 0.01 / near.size))):
+        for by, shown in ((0.9, True), (1.1, False)):  # the first contact alone
+            off = np.zeros(2), np.array([by * 0.5e-9 / (2 * force * times), 0.0])
+            assert grasps._held(Fields(x), grasp, terms(), "a", load, off).ok == shown

@@ -318,11 +318,15 @@ def _held(f: Fields, grasp: GraspData, terms: _Terms, load: str, wrench: Array, 
     question = Question(grasp, CHECK, False, wrench, np.zeros(6), terms.eta, True, limits, terms.force_limit, ())
     found = prove(Problem.of(question, grasp.command, wrench), state)
     reason = "" if found.exact or found.tolerant else found.reason
+    (points, normals), (arms, J), scale = off, grasp.force_arms, load_scale(grasp, wrench)
     c, d = (np.linalg.norm(y[: 3 * grasp.m].reshape(-1, 3), axis=1) for y in (state.c, grasp.rows[0] @ state.motion))
-    points, normals = off[0] / grasp.size, off[1]
-    missed = float((c * (points + 2 * normals)).sum())
-    moved = float((2 * d * normals + np.abs(state.motion[3:6]).sum() * off[0]).max())
-    scale = load_scale(grasp, wrench)
+    twist = np.where(grasp.lever > 0, np.abs(state.torsion) / np.where(grasp.lever > 0, grasp.lever, 1.0), 0.0)
+    turned, shifted = 2 * np.hypot(c, twist) * normals, c * points
+    torques = turned @ J + shifted @ (grasp.moves & grasp.revolute)
+    missed = max(
+        turned.sum(), (turned @ arms + shifted.sum()) / grasp.size, (torques / grasp.joint_units).max(initial=0.0)
+    )
+    moved = (2 * d * normals + np.abs(state.motion[3:6]).sum() * points).max()
     for size, most, what in ((missed, EPS, "forces"), (moved, MOTION_MISSED, "motions")):
         if not size <= most * scale:
             reason = reason or f"its contacts are not those of the configuration by {size:.1e} N with these {what}"
