@@ -782,12 +782,24 @@ def test_contacts_that_are_a_little_off_hold_no_load_of_their_own() -> None:
 
 
 @pytest.mark.parametrize(("turn", "shown"), [(0.99, True), (1.01, False)])
-def test_what_motions_make_of_contacts_that_are_off_counts(turn: float, shown: bool) -> None:
-    """The object turns about the line through both contacts, which moves nothing; these are 1e-16 m off."""
+def test_what_motions_make_of_contacts_that_are_off_counts(
+    turn: float, shown: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The object turns about the line through both contacts, which moves nothing; these are 1e-16 m off.
+
+    Or a finger about a line through its contact, of point fingers and of soft ones with normals that are off.
+    """
     grasp, load = read_grasp(found()["grasps"][0]["grasp"], "g"), np.array([0, 0, -0.5, 0, 0, 0])
     moving = state(0.25) | {"r": [0.0, 0, 0, 0, turn * 0.5e-7 / 1e-16, 0]}
     off = np.full(2, 1e-16), np.zeros(2)
     assert grasps._held(Fields(moving), grasp, terms(), "a", load, off).ok == shown
+    monkeypatch.setattr(grasps, "prove", lambda p, x: Proved(True, False, "", 0.0))
+    turning = {"revolute": np.ones(2, dtype=bool), "origins": grasp.positions[np.nonzero(grasp.moves.T)[1]]}
+    hinged, moving = replace(grasp, **turning), state(0.25) | {"q": [turn * 0.5e-7 / 1e-16, 0.0]}
+    assert grasps._held(Fields(moving), hinged, terms(), "a", load, off).ok == shown
+    soft = replace(hinged, lever=np.full(2, 0.01))
+    off = np.zeros(2), np.full(2, 1e-14)
+    assert grasps._held(Fields(moving), soft, terms(), "a", load, off).ok == shown
 
 
 def test_what_contacts_that_are_off_make_of_torques_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -326,7 +326,8 @@ def _held(f: Fields, grasp: GraspData, terms: _Terms, load: str, wrench: Array, 
     missed = max(
         turned.sum(), (turned @ arms + shifted.sum()) / grasp.size, (torques / grasp.joint_units).max(initial=0.0)
     )
-    moved = (2 * d * normals + np.abs(state.motion[3:6]).sum() * points).max()
+    turns = np.abs(state.motion[3:6]).sum() + (grasp.moves & grasp.revolute) @ np.abs(state.motion[6:])
+    moved = (2 * d * normals + turns * (points + grasp.lever * normals)).max()
     for size, most, what in ((missed, EPS, "forces"), (moved, MOTION_MISSED, "motions")):
         if not size <= most * scale:
             reason = reason or f"its contacts are not those of the configuration by {size:.1e} N with these {what}"
