@@ -328,6 +328,18 @@ def test_a_grasp_is_that_of_the_exact_configuration_and_not_of_its_floats() -> N
         assert done.fault == f"grasp 1: {what} is not that of the configuration"
 
 
+def test_where_the_object_is_is_told_of_the_exact_configuration() -> None:
+    """Its contacts and joints are those of the exact one, the object's place is 2 um off, in a box of 3 um."""
+    data = found()
+    proof = data["grasps"][0]["existence"]
+    number = proof["dependent"].index("position:1")
+    proof["radii"][number] = 3e-6
+    assert replay_grasps(data).ok
+    proof["position"][1] += 2e-6
+    words = "grasp 1: position of the exact configuration may be 2e-06 from what is said"
+    assert replay_grasps(data).reason == words
+
+
 def test_a_grasp_of_more_contacts_is_none_of_the_task() -> None:
     """A third contact below the block, on which nothing presses: all else is as it was."""
     data = found()

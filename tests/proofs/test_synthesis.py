@@ -629,6 +629,31 @@ def test_a_configuration_that_is_said_is_the_exact_one_and_not_of_a_wide_box() -
     assert done.parts[0].figures["step"] < 1  # there is one in the box
 
 
+def test_where_a_flat_fingertip_is_touched_is_that_of_the_solution(tmp_path: Path) -> None:
+    """u of its 20 mm and 30 mm, of a box as wide as a fifth of it; what is left to its edge is told, too."""
+    pad, balls = [[[x, 0, z] for z in (0.03, 0.06)] for x in (-0.01, 0.01)], {"center": [0, 0, 0], "radius": 0.02}
+    contacts = [
+        {
+            "hand": {"link": f"{side}_finger", "region": {"bezier": pad, "flip": side == "right"}},
+            "object": {"region": {"cap": balls | {"axis": [0, y, 0], "half_angle": 1.0}}},
+        }
+        for side, y in (("left", 1), ("right", -1))
+    ]
+    file = tmp_path / "pads.json"
+    task = {"schema": "handfast/task/1", "hand": "parallel-gripper", "object": None, "contacts": contacts}
+    file.write_text(json.dumps(task))
+    data = synthesize(load_task(file), count=1).to_file()
+    said = first(data)
+    proof = said["existence"]
+    u, number = proof["contacts"][1]["hand"][0], proof["dependent"].index("contact:1:u")
+    assert 0.2 < u < 0.8
+    proof["radii"][number] = 0.1
+    for off, words in ((0.0, ""), (0.05, "contacts of the exact configuration may be 0.05 from what is said")):
+        proof["contacts"][1]["hand"][0] = u - off
+        said["slacks"]["contact:1:u"] = min(u - off, 1 - (u - off))
+        assert reason(data) == (words and f"configuration 0: {words}")
+
+
 def test_bounds_of_axes_are_named_where_they_exclude_contacts() -> None:
     """Two contacts that a gripper makes, but not with an object that is turned."""
     data = changed("none", same)

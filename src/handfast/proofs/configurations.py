@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs.contact_equations import ContactEquations, Values
-from handfast.proofs.fields import Array, BadFile, Fields, Integers, numbers
+from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, Integers, numbers
 from handfast.proofs.intervals import MACHINE_EPSILON, Interval, cos, join, sqr, sqrt
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData
@@ -172,6 +172,28 @@ def solution(equations: ContactEquations, proof: Existence, at: Values) -> Inter
     ends = out.ends.copy()
     ends[0, box.dependent] = Interval.around(out.mid[0, box.dependent], off * (1 + 2 * MACHINE_EPSILON)).ends
     return Interval(ends)
+
+
+def farther(equations: ContactEquations, proof: Existence, at: Values) -> str:
+    """What of the exact configuration is not that of the floats, but for rounding; '' if all is. at: as for `solution`.
+
+    Of a contact's coordinates those that are bounded count, and are told with what is left to their bounds.
+    """
+    task, there, bounds = equations.task, equations.at(solution(equations, proof, at)), Bounds.of(equations)
+    of_joints = np.array([task.tolerance(j) for j in equations.sides.drive.joints])
+    size, own = task.size * EQUALITY_TOLERANCE, [label.startswith("contact:") for label in bounds.labels]
+    for name, exact, floats, allowed in (
+        ("joints", there.joints, at.joints, of_joints),
+        ("position", there.position, at.position, size),
+        ("orientation", there.rotation, at.rotation, EQUALITY_TOLERANCE),
+        ("points", there.point, at.point, size),
+        ("normals", there.normal, at.normal, EQUALITY_TOLERANCE),
+        ("contacts", bounds.values(there)[..., own], bounds.values(at)[..., own], EQUALITY_TOLERANCE),
+    ):
+        off = (exact[0] - floats.mid[0]).mag
+        if not (off <= allowed).all():
+            return f"{name} of the exact configuration may be {np.max(off):.2g} from what is said"
+    return ""
 
 
 def _uv(contact: ContactPoint) -> tuple[float, ...]:

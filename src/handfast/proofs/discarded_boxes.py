@@ -315,9 +315,10 @@ class BoxTree:
                 its = np.flatnonzero(alive & (entries <= -2))
                 shown = ~alive
                 shown[its] = discarded(boxes.some(its), -2 - entries[its], reasons)
+                entries[~alive] = NO_CONTACT_ENTRY  # whatever else is said of them
                 for at, x, ok, box in zip(part, entries.tolist(), shown.tolist(), kept, strict=True):
                     if ok:
-                        done[min(x, NO_CONTACT_ENTRY)] += 1
+                        done[x] += 1
                     elif x < 0:
                         raise Refused(f"box {at.index} of the tree is not discarded as it says")
                     else:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from handfast.proofs import answers
-from handfast.proofs.configurations import examined, read_existence, solution
+from handfast.proofs.configurations import examined, farther, read_existence, solution
 from handfast.proofs.constants import MAX_ETA
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.contact_force_limits import ForceLimits, contact_force_limits
@@ -277,6 +277,7 @@ def _grasp(
     off = [np.zeros(grasp.m), np.zeros(grasp.m)]
     if at is not None and exists.ok and not refused:
         refused, *off = _elsewhere(grasp, joints, equations, solution(equations, existence, at))
+        refused = refused or farther(equations, existence, at)
     refused = refused or _other_motors(grasp, motors)
     if (grasp.mu != terms.friction).any():
         refused = refused or f"friction at its contacts is not {terms.friction:g}"

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.configurations import Existence, examined, read_existence, solution
+from handfast.proofs.configurations import examined, farther, read_existence
 from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.proofs.contact_equations import ContactEquations, Values
-from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields, numbers, same
+from handfast.proofs.fields import Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
 from handfast.proofs.intervals import MACHINE_EPSILON
 from handfast.proofs.pose_by_pose import impossible_at_every_pose
@@ -153,7 +153,7 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
             moved = {
                 task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)
             }
-            fault = _farther(equations, at, proof) or _difference(task, follows, moved, beside)
+            fault = farther(equations, proof, at) or _difference(task, follows, moved, beside)
             done = Replay(done.name, done.claim, fault, done.figures)
             places.append(_features(task, moved, at))
         parts.append(done)
@@ -163,23 +163,6 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
         fault = "" if same(spread, due) else f"is {spread}, of these configurations {due}"
         parts.append(Replay("spread", "", fault))
     return tuple(parts)
-
-
-def _farther(equations: ContactEquations, at: Values, proof: Existence) -> str:
-    """What of the exact configuration is not that of the floats, but for rounding; '' if all is."""
-    task, there = equations.task, equations.at(solution(equations, proof, at))
-    of_joints = np.array([task.tolerance(j) for j in equations.sides.drive.joints])
-    for name, exact, floats, allowed in (
-        ("joints", there.joints, at.joints, of_joints),
-        ("position", there.position, at.position, task.size * EQUALITY_TOLERANCE),
-        ("orientation", there.rotation, at.rotation, EQUALITY_TOLERANCE),
-        ("points", there.point, at.point, task.size * EQUALITY_TOLERANCE),
-        ("normals", there.normal, at.normal, EQUALITY_TOLERANCE),
-    ):
-        off = (exact[0] - floats.mid[0]).mag
-        if not (off <= allowed).all():
-            return f"{name} of the exact configuration may be {np.max(off):.2g} from what is said"
-    return ""
 
 
 def _following(
