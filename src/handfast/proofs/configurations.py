@@ -15,6 +15,7 @@ patches and bounds are tested over all of X. Equations and coordinates are those
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -181,7 +182,8 @@ def farther(equations: ContactEquations, proof: Existence, at: Values) -> str:
     """
     task, there, bounds = equations.task, equations.at(solution(equations, proof, at)), Bounds.of(equations)
     of_joints = np.array([task.tolerance(j) for j in equations.sides.drive.joints])
-    size, own = task.size * EQUALITY_TOLERANCE, [label.startswith("contact:") for label in bounds.labels]
+    size = task.size * EQUALITY_TOLERANCE
+    own = [re.match(r"contact:\d+:.$", label) is not None for label in bounds.labels]
     for name, exact, floats, allowed in (
         ("joints", there.joints, at.joints, of_joints),
         ("position", there.position, at.position, size),
