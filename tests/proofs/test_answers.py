@@ -21,7 +21,7 @@ from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.kinds import TURN_DIRECTIONS, Row
 from handfast.proofs.leaves import LeafSystems
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Refused, Replay, down
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import COMPLETE_CAP, TOO_SMALL, drives, motion_size, size_of
 from handfast.stability.studies.questions import check, maximum, torques
@@ -399,7 +399,7 @@ def test_a_slip_up_to_a_cap_and_a_hold_beyond_it_name_their_motions(tilt: float)
     cap = slips["answer"]["motion_cap"]
     if tilt < 1e-5:  # else the cap is not far above the forces in play
         assert verify(slips).ok
-        assert verify(slips).part("certificate").claim.endswith(f"up to virtual motions of {cap:.6g} N")
+        assert verify(slips).part("certificate").claim.endswith(f"up to virtual motions of {down(cap)} N")
     assert cap < held["answer"]["motion"]
 
 
@@ -416,7 +416,7 @@ def test_a_smaller_cap_than_the_proved_one_may_be_named_and_no_larger_one() -> N
         done = verify(slips)
         assert done.ok, done.reason
         assert done.part("certificate").figures["motion_cap"] == exact
-        assert done.part("certificate").claim.endswith(f"up to virtual motions of {exact:.6g} N")
+        assert done.part("certificate").claim.endswith(f"up to virtual motions of {down(exact)} N")
     for cap in (exact * (1 + 10 * EQUALITY_TOLERANCE), 2 * exact, 1e300, -1.0, None, "1e4", True):
         slips["answer"]["motion_cap"] = cap
         assert reason(slips) == "answer: motion_cap is not what the rest of the file shows", cap

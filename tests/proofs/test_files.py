@@ -15,7 +15,7 @@ import pytest
 from handfast.proofs import files
 from handfast.proofs.certificate import Certificate, file_to_dict
 from handfast.proofs.grasp import read_grasp
-from handfast.proofs.replay import Replay
+from handfast.proofs.replay import Replay, down
 from handfast.proofs.tolerance import COMPLETE_CAP
 from handfast.stability.problem.loads import Loads
 from handfast.stability.studies.questions import hold
@@ -224,7 +224,7 @@ def test_a_certificate_alone_may_be_up_to_any_cap() -> None:
     cap = done.parts[0].figures["motion_cap"]
     assert isinstance(cap, float)
     assert cap < COMPLETE_CAP
-    assert done.parts[0].claim == f"{c.claim}, up to virtual motions of {cap:.6g} N"
+    assert done.parts[0].claim == f"{c.claim}, up to virtual motions of {down(cap)} N"
 
 
 # --- folders: which files are read, and what is made of them; what a file claims is said by a reader of this test

@@ -27,7 +27,7 @@ from handfast.proofs.fields import BadFile
 from handfast.proofs.grasp import StartData
 from handfast.proofs.path_steps import SavedPath, Step, is_scale_free, near_enough, read_path, replay
 from handfast.proofs.question import Question, read_question
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Refused, Replay, down
 from handfast.proofs.states import Problem
 from handfast.proofs.tolerance import load_scale
 from handfast.stability.problem.grasp_data import grasp_data
@@ -135,7 +135,7 @@ def test_claims_of_steps_by_hand() -> None:
     assert bound is not None
     lower = saved("sought")["answer"]["lower"]
     assert 0.59 < lower <= 0.6
-    assert f"hold the load on a path below {lower:.6g}, with forces and motions up to" in bound.claim
+    assert f"hold the load on a path below {down(lower)}, with forces and motions up to" in bound.claim
     assert bound.figures == {"leaves": len(saved("sought")["bound"]["leaves"]), "lower": lower}
 
 

@@ -221,7 +221,7 @@ def test_claims() -> None:
     assert question(LARGEST_GOAL).claim(scalar) == "0.25 to 2 times the direction is not resisted"
     assert question(SMALLEST_PRELOAD).claim(scalar) == "the direction is not resisted with 0.25 to 2 times the preload"
     assert question(TORQUES).claim(scalar) == "no commands of 0.25 to 2 suffice"
-    assert question(TORQUES).claim((1 / 3, INF)) == "no commands of 0.333333 to inf suffice"
+    assert question(TORQUES).claim((1 / 3, INF)) == "no commands of 0.333334 to inf suffice"
 
 
 def test_magnitudes() -> None:

@@ -20,6 +20,7 @@ from handfast.proofs.regions import (
     _blossoms,
     _hull,
     _narrowed,
+    _Patches,
     _weights,
     read_region,
 )
@@ -363,6 +364,26 @@ def test_binomials_are_enclosed(degree: int, wide: bool) -> None:
     assert high[1, :, :2] == pytest.approx(np.array([[1, 1], [1, 0], [0, 0]]))
     assert (low[0, :, 0] < high[0, :, 0]).any() == wide
     assert (high <= low * (1 + 1e-15) + 1e-200).all()
+
+
+def test_many_boxes_of_a_high_degree_are_worked_out_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """40 boxes of two patches of degree 59, of which 9 are as many weights as are held at once."""
+    asked, own = [], _Patches._sums
+
+    def sums(patches: _Patches, x: Interval) -> Interval:
+        asked.append(len(x.ends))
+        return own(patches, x)
+
+    monkeypatch.setattr(_Patches, "_sums", sums)
+    two, n = side([{"bezier": bent(60, 60, 6)}, {"bezier": bent(60, 60, 7)}])
+    corner = np.random.default_rng(8).uniform(0.0, 0.9, (40, n))
+    boxes = Interval.between(corner, corner + 1e-3)
+    many = two.at(boxes)
+    assert asked == [9] * 4 + [4]
+    for k in (0, 8, 9, 39):
+        alone = two.at(boxes[k : k + 1])
+        assert (alone.normal.value.ends[0] == many.normal.value.ends[k]).all()
+        assert (alone.point.slope.ends[:, 0] == many.point.slope.ends[:, k]).all()
 
 
 # --- in files -----------------------------------------------------------------------------------------------------

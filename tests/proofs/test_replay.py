@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Refused, Replay, down, up
 
 GOOD, BAD = Replay("good", "it holds"), Replay("bad", "it slips", "a leaf is open")
 
@@ -85,3 +85,17 @@ def test_what_is_neither_proved_nor_refused() -> None:
     assert late.replayed == ()
     assert late.to_json()["undecided"] is True
     assert "undecided" not in Replay("all", parts=(late, no)).to_json()
+
+
+def test_bounds_are_rounded_to_the_side_where_they_are_true() -> None:
+    assert [down(x, 3) for x in (4.1999, 0.0123456, 356.7, 8.0, 0.0, math.inf)] == [
+        "4.19",
+        "0.0123",
+        "356",
+        "8",
+        "0",
+        "inf",
+    ]
+    assert [up(x, 3) for x in (4.1901, 0.0123456, 356.7, 8.0, 5.551, 0.0)] == ["4.2", "0.0124", "357", "8", "5.56", "0"]
+    assert (down(2 / 3), up(1 / 3), down(0.5), up(0.5)) == ("0.666666", "0.333334", "0.5", "0.5")
+    assert (down(9.9999999e8), up(9.9999991e8), down(math.nextafter(1, 0))) == ("9.99999e+08", "1e+09", "0.999999")

@@ -17,7 +17,7 @@ from handfast.proofs.contact_force_limits import ForceLimits
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.regions import RegionData, read_region
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Refused, Replay, down
 from handfast.proofs.tolerance import MIN_FORCE_SCALE
 from handfast.proofs.unbalanced import (
     BoxBounds,
@@ -28,10 +28,8 @@ from handfast.proofs.unbalanced import (
     UnbalancedTree,
     _positive,
     _Scales,
-    down,
     nearness,
     replay_unbalanced,
-    up,
 )
 from handfast.readers.region_file import region_to_dict
 from tests.support.holds import square
@@ -428,14 +426,6 @@ def test_derivative_of_the_positive_part(value: Any, slope: Any, positive: Any, 
     assert (done.slope.lo.item(), done.slope.hi.item()) == its
 
 
-def test_figures_are_rounded_down() -> None:
-    assert [down(x) for x in (4.1999, 0.0123456, 356.7, 8.0)] == ["4.19", "0.0123", "356", "8"]
-
-
-def test_factors_are_rounded_up() -> None:
-    assert [up(x) for x in (4.1901, 0.0123456, 356.7, 8.0, 5.551)] == ["4.2", "0.0124", "357", "8", "5.56"]
-
-
 # --- motions with those of a hand ---------------------------------------------------------------------------
 
 
@@ -781,7 +771,7 @@ def test_what_is_claimed_of_several_loads_and_limits() -> None:
     assert both.ok
     assert both.claim.endswith("contact forces balance all of a, b")
     far = replayed(jaws(), {"w": weight(FAR)}, of_line(1, 0), center=np.array(FAR))
-    assert f"is at least {down(1e3 * far.figures['line_distance'])} mm from" in far.claim  # type: ignore[operator]
+    assert f"is at least {down(1e3 * far.figures['line_distance'], 3)} mm from" in far.claim  # type: ignore[operator]
     on_it = replayed(jaws(), {"w": weight(FAR)}, of_line(1, 0), center=np.zeros(3))
     assert on_it.figures["line_distance"] == 0
     assert on_it.claim.endswith("no contact forces balance w")

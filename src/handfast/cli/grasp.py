@@ -25,7 +25,7 @@ from handfast.pictures.words import num
 from handfast.planning.question import Allowed, Requirements, TaskGraspOptions, compared
 from handfast.planning.results.search_file import COUNTED_REASONS
 from handfast.planning.search import Journal, Pair, Rejected, RejectionReason, Tally
-from handfast.proofs.unbalanced import down, up
+from handfast.proofs.replay import down, up
 
 if TYPE_CHECKING:
     from handfast.planning.joined_search import JoinedSearched
@@ -215,13 +215,13 @@ def best_text(answer: Grasps, times: float) -> str:
     """How many times the loads the best grasp holds, and the bound; times: what the loads were multiplied by."""
     strength = answer.grasps[0].strength
     assert strength is not None
-    held = f"The best holds {down(times * strength.factor)} times what is to be held under one preload"
+    held = f"The best holds {down(times * strength.factor, 3)} times what is to be held under one preload"
     if answer.bound is None:
         return f"{held}; no bound is known, as nothing limits the contact forces: --force-limit does."
     if not np.isfinite(answer.bound.factor):
         return f"{held}; no bound was shown."
     gap = f"{100 * (answer.bound.factor / strength.factor - 1):.3g} % more"
-    return f"{held}, and no placement of the contacts reaches {up(times * answer.bound.factor)} times ({gap})."
+    return f"{held}, and no placement of the contacts reaches {up(times * answer.bound.factor, 3)} times ({gap})."
 
 
 def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
@@ -235,7 +235,7 @@ def no_balance_text(searched: BalanceSearched, asked: Requirements) -> str:
         if few := (searched.proof or {}).get("fewest_contacts"):
             return f"It takes {few} contacts or more to balance the loads with a friction of {num(asked.friction)}"
         return f"No contact forces balance the loads with a friction of {num(asked.friction)}{soft}{limit}"
-    near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance)} mm"
+    near = f"the centre of mass never comes nearer to that line than {down(1e3 * distance, 3)} mm"
     if soft:
         most = f"normal forces up to {num(asked.force_limit or 0.0)} N{soft}"
         return f"Two soft fingertips with {most} have too little moment about the line between them, and {near}"
@@ -295,7 +295,7 @@ def _show_found(out: Console, answer: Grasps, times: float) -> None:
         commands, away = (num(g.command, 3), num(g.answer.lower, 3)), f"{1e3 * g.terms['clearance']:.2f}"
         shares = f"{100 * g.friction_margin:.0f}", away, f"{100 * g.terms['from_limits']:.1f}"
         last = num(g.dexterity.typical, 3), "repaired" if g.repaired else ""
-        holds = (down(times * g.strength.factor),) if g.strength else ()
+        holds = (down(times * g.strength.factor, 3),) if g.strength else ()
         rows.append((str(k), f"{g.score:.2f}", *holds, *commands, *shares, *last))
     first = ["#", "score", *(["holds [times]"] if answer.grasps[0].strength else [])]
     print_table(out, [*first, *heads, ""], rows)

@@ -25,7 +25,7 @@ from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
-from handfast.proofs.replay import SEARCH_STOPS, Figure, Refused, Replay
+from handfast.proofs.replay import SEARCH_STOPS, Figure, Refused, Replay, down, up
 from handfast.proofs.states import ContactMode, Problem, State, read_state
 from handfast.proofs.tolerance import (
     COMPLETE_CAP,
@@ -187,7 +187,7 @@ def refuted(claim: str, c: Certificate, magnitude: float | None, motion: Array |
     if cap is not None and not reason:
         reason = cap_fault(q, cap, magnitude or 0.0, motion) if complete else ""
         cap = told_cap(q, cap, magnitude or 0.0)
-        claim += f", up to virtual motions of {cap:.6g} N"
+        claim += f", up to virtual motions of {down(cap)} N"
         claim += EACH_TIME if magnitude == 0 and (q.homogeneous or not q.has_scalar) else ""
     figures = {"motion_cap": cap, "leaves": found.leaves, "margin": found.margin}
     return Replay("certificate", claim, reason, figures)
@@ -208,7 +208,7 @@ def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float 
         reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
         return [Replay("certificate", claim, reason)], None
     if magnitude > 0 or saved.said["query"] == "max":
-        claim += f", up to {q.magnitudes(c.scalar)[1]:.6g} times the direction" if c.scalar is not None else ""
+        claim += f", up to {down(q.magnitudes(c.scalar)[1])} times the direction" if c.scalar is not None else ""
     complete = saved.said["stop"] == "complete" or saved.said["verdict"] == "slips"
     of_direction = magnitude if saved.said["query"] == "max" else None
     part = refuted(claim, c, of_direction, saved.witness.state.motion if saved.witness else None, complete)
@@ -339,7 +339,7 @@ class Maximum(Query):
         magnitude = max(float((w.wrench - base) @ along / (along @ along)), 0.0)  # that of the base load may be rounded
         if not close(w.wrench, base + magnitude * along) or magnitude < lower:
             raise Refused("witness: it is a state under another disturbance")
-        claim = f"{lower:.6g} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"
+        claim = f"{down(lower)} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"
         return claim, base, (along if lower > 0 else None), magnitude, saved.question.grasp.command
 
     def least(self, saved: SavedAnswer) -> float:
@@ -362,7 +362,7 @@ class Maximum(Query):
         if lower > upper:
             raise Refused(f"its lower bound {lower:.9g} is above its upper bound {upper:.9g}")
         slips = saved.said["verdict"] == "slips"
-        claim = f"{'nothing' if slips else f'nothing above {upper:.6g} times the direction'} is resisted"
+        claim = f"{'nothing' if slips else f'nothing above {up(upper)} times the direction'} is resisted"
         if not q.has_scalar:  # homogeneous: what slips at one magnitude slips at all
             if not slips:
                 raise Refused("has an upper bound where magnitudes make no difference")
@@ -400,9 +400,9 @@ class Maximum(Query):
                 raise Refused("has holes, but does not say up to where everything is resisted")
             return super().smaller(saved)
         holes = _pairs(saved, "holes")
-        claim = f"everything up to {to:.6g} times the direction is resisted"
+        claim = f"everything up to {down(to)} times the direction is resisted"
         if holes:
-            claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in holes)}"
+            claim += f", nothing at {', '.join(f'{up(a)} to {down(b)}' for a, b in holes)}"
             claim += f" but for {saved.number('resolution') or 0.0:g} of the magnitude at the ends"
         bounds = [ranges.replayed(saved.question, arc) for arc in saved.arcs]
         reason = next((fault for fault, _ in bounds if fault), "") or _slips_fault(saved) or _ranges_fault(saved, holes)
@@ -464,7 +464,7 @@ class Torques(Query):
             raise Refused(f"a lower bound of {lower}")
         if upper is not None and lower > upper:
             raise Refused(f"its lower bound {lower:.9g} is above its upper bound {upper:.9g}")
-        return (f"no commands below {lower:.6g} suffice", 0.0, (0.0, lower)) if lower > 0 else None
+        return (f"no commands below {down(lower)} suffice", 0.0, (0.0, lower)) if lower > 0 else None
 
     def shown(self, saved: SavedAnswer, proved: Proved | None) -> dict[str, Any]:
         w, q = saved.witness, saved.question
@@ -578,7 +578,7 @@ def _slips_fault(saved: SavedAnswer) -> str:
         if not found.ok:
             return f"{saved.question.claim(c.scalar)}: {found.reason}"
         if found.cap is not None:
-            return f"{saved.question.claim(c.scalar)}: proved up to virtual motions of {found.cap:.6g} N only"
+            return f"{saved.question.claim(c.scalar)}: proved up to virtual motions of {down(found.cap)} N only"
     return ""
 
 

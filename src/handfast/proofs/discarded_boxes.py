@@ -28,7 +28,7 @@ from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refus
 from handfast.proofs.intervals import Dual, Interval
 from handfast.proofs.motors import Motors
 from handfast.proofs.posed_boxes import CHARTS, OBJECT_LINK, ContactBoxes, Posed, mean_value
-from handfast.proofs.replay import Figure, Refused, Replay
+from handfast.proofs.replay import Figure, Refused, Replay, down
 from handfast.proofs.tasks import TaskData
 from handfast.proofs.unbalanced import (
     MAX_TREE_ENTRIES,
@@ -481,7 +481,7 @@ class DiscardCounts:
         parts = []
         for (link, body), count in self.collision.most_common():
             other = "the object" if body == OBJECT_LINK else links[body]
-            deep = f"{1e3 * solids.depth_allowed(link, body):.3g} mm"
+            deep = f"{down(1e3 * solids.depth_allowed(link, body), 3)} mm"
             parts.append((count, f"{links[link]} is more than {deep} inside {other}"))
         slips = "it slips, whatever the motors do within their limits"
         parts += [(self.balance, "no contact forces balance the loads"), (self.slips, slips)]

@@ -20,7 +20,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.fields import Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, read_question
-from handfast.proofs.replay import SEARCH_STOPS, Refused, Replay
+from handfast.proofs.replay import SEARCH_STOPS, Refused, Replay, down
 
 SCHEMA = "handfast/hold/1"
 HOLD_NOT_REPLAYED = "hardest, stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
@@ -253,7 +253,7 @@ def _unbalanced(saved: SavedHold, name: str) -> Replay:
     claim = f"no forces at the contacts balance {name}"
     reason = "forces at the contacts may balance it" if found.reason else ""
     if found.cap is not None and not reason:
-        claim += f", up to virtual motions of {found.cap:.6g} N"
+        claim += f", up to virtual motions of {down(found.cap)} N"
         reason = answers.cap_fault(q, found.cap, 0.0, None)
     return Replay(f"{name}, no forces", claim, reason)
 

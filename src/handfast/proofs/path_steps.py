@@ -37,7 +37,7 @@ from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields
 from handfast.proofs.grasp import GraspData, StartData, read_start
 from handfast.proofs.path_commands import DRIFT, PathBound, PathCommands, read_bound, read_sought
 from handfast.proofs.question import CHECK, Question, read_question
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Refused, Replay, down
 from handfast.proofs.states import Problem, State, acting, came_from
 from handfast.proofs.tolerance import farthest, left_behind, load_scale, travel
 
@@ -246,8 +246,8 @@ def _bounded(saved: SavedPath, sought: PathCommands) -> tuple[float, list[Replay
         return 0.0, [Replay("bound", f"no commands of {sought.words} are enough", str(fault))]
     lower = np.inf if saved.said["verdict"] == "slips" else saved.number("lower") or 0.0
     claim = f"no commands of {sought.words} hold the load on a path"
-    claim += "" if lower == np.inf else f" below {lower:.6g}"
-    claim += f", with forces and motions up to {sought.reach:.6g} N"
+    claim += "" if lower == np.inf else f" below {down(lower)}"
+    claim += f", with forces and motions up to {down(sought.reach)} N"
     if not lowest >= lower:
         reason = f"its cases show {lowest:.9g}, the answer says {lower:.9g}"
     return lowest, [Replay("bound", claim, reason, {"leaves": len(saved.bound.leaves), "lower": lowest})]

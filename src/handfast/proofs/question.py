@@ -23,6 +23,7 @@ from handfast.proofs.constants import MAX_ETA
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_no_limit, refuse_unknown
 from handfast.proofs.grasp import GraspData, read_grasp, read_start
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
+from handfast.proofs.replay import down, up
 
 CHECK, SMALLEST_PRELOAD, LARGEST_GOAL, TORQUES = GOALS = "check", "smallest preload", "largest", "torques"
 Range = tuple[float, float]
@@ -151,7 +152,7 @@ class Question:
 
     def claim(self, scalar: Range | None) -> str:
         """What a certificate for a range of the scalar says, in words."""
-        of = "" if scalar is None else f"{scalar[0]:.6g} to {scalar[1]:.6g}"
+        of = "" if scalar is None else f"{up(scalar[0])} to {down(scalar[1])}"
         return {
             CHECK: "the disturbance is not resisted" + ("" if self.grasp.start is None else " from the state before"),
             SMALLEST_PRELOAD: f"the direction is not resisted with {of} times the preload",

@@ -19,6 +19,7 @@ from handfast.proofs.intervals import Dual, Interval, columns, cos, cross, join,
 DERIVATIVE_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
 MAX_PATCH_DEGREE = 100  # of a patch, at most
 MAX_NARROWED_DEGREE = 9  # degree of a patch, above which parts of it are not worked out: their weights are many
+MOST_WEIGHTS = 1 << 16  # of control points of patches that are worked out together
 REGION_PARTS = 3  # that a box is cut into along each of a region's two parameters, to be narrow
 PARAMETER_RANGE = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
 WHOLE_ANGLE = nextafter(pi, 4.0)  # [rad] the float after half a turn: the one before is `pi`, which misses the pole
@@ -53,16 +54,12 @@ class RegionData:
 
     @property
     def places(self) -> Array:
-        """(n, 3) [m] its control points, or the centre about which it is."""
-        its = self.numbers
-        return its["bezier"].reshape(-1, 3) if self.kind == "bezier" else its["center"][None]
-
-    @property
-    def extent(self) -> float:
-        """[m] how far it reaches beyond its `places`, about."""
-        its = self.numbers
-        sides = float(np.ptp(its["heights"]) + its["radii"].max()) if "heights" in its else 0.0
-        return sides or (self.radius if self.ball else 0.0)
+        """(n, 3) [m] its control points, or points of it that are about as far apart as any."""
+        if self.kind == "bezier":
+            return self.numbers["bezier"].reshape(-1, 3)
+        first, second = (np.linspace(lo, hi, 5) for lo, hi in self.ends.tolist())
+        grid = np.stack(np.meshgrid(first, second), axis=-1).reshape(-1, 1, 2)
+        return SURFACES[self.kind].of([self]).at(Interval.of(grid)).point.value.mid[:, 0]
 
 
 class Surface(NamedTuple):
@@ -355,6 +352,13 @@ class _Patches:
         return cls(base, less.reshape(P, 6, size**2, 3), degrees, *_weights(degrees, size), _signs(patches))
 
     def at(self, parameters: Interval) -> Surface:
+        N, (P, _, weights, _) = parameters.shape[0], self.points.shape
+        step = max(1, MOST_WEIGHTS // (P * weights))
+        parts = [self._sums(parameters[k : k + step]).ends for k in range(0, N, step)]
+        return self._surface(Interval(np.concatenate(parts)))
+
+    def _sums(self, parameters: Interval) -> Interval:
+        """(N, P, 6, 3) the derivatives in ORDERS at parameters (N, P, 2)."""
         w = Interval(np.moveaxis(parameters.ends, -2, 0))  # (2, N, P)
         u, v = _powers(w, self.up.shape[-1]), _powers(1.0 - w, self.up.shape[-1])
         which = np.arange(2)[:, None, None]
@@ -363,7 +367,7 @@ class _Patches:
         du, dv = (list(order) for order in zip(*DERIVATIVE_ORDERS, strict=True))
         both = weight[0][du][:, :, None] * weight[1][dv][:, None]  # (6, I, J, N, P)
         both = Interval(np.moveaxis(both.ends.reshape(6, -1, *both.ends.shape[3:]), (2, 3), (0, 1)))  # (N, P, 6, I * J)
-        return self._surface((both[:, :, :, None] @ self.points)[..., 0, :] + self.base)
+        return (both[:, :, :, None] @ self.points)[..., 0, :] + self.base
 
     def over(self, parameters: Interval) -> Surface:
         """As `at`, narrower over boxes: within the control points of the part of the patch that is over a box."""

@@ -5,12 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
 Figure = float | int | bool | str | None
 
 
 SEARCH_STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
+
+
+def down(x: float, digits: int = 6) -> str:
+    """A number in so many digits, rounded down: for what holds up to there."""
+    return f"{float(Context(digits, ROUND_FLOOR).create_decimal(x)):.{digits}g}"
+
+
+def up(x: float, digits: int = 6) -> str:
+    """The same rounded up: for what holds from there on."""
+    return f"{float(Context(digits, ROUND_CEILING).create_decimal(x)):.{digits}g}"
 
 
 class Refused(Exception):

@@ -132,8 +132,7 @@ class TaskData:
     @cached_property
     def size(self) -> float:
         """[m] of the object, as its regions tell: how far they are apart, and what they span."""
-        places = np.concatenate([region.places for region in self.on_object])
-        return float(np.linalg.norm(np.ptp(places, axis=0))) + max(region.extent for region in self.on_object)
+        return float(np.linalg.norm(np.ptp(np.concatenate([region.places for region in self.on_object]), axis=0)))
 
     def tolerance(self, joint: int) -> float:
         """[rad, m] by which the value that is said of a joint may miss what it has to be."""

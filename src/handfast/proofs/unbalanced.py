@@ -42,7 +42,7 @@ from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refus
 from handfast.proofs.grasp import LENGTH_ROUNDING
 from handfast.proofs.intervals import Dual, Interval, cross, dot, join, sqr, sqrt, unit
 from handfast.proofs.regions import ContactSide, RegionData
-from handfast.proofs.replay import Figure, Refused, Replay
+from handfast.proofs.replay import Figure, Refused, Replay, down, up
 from handfast.proofs.tolerance import EPS, MIN_FORCE_SCALE
 
 LINE_BATCH = 64  # boxes that are looked at together
@@ -717,7 +717,7 @@ def replay_unbalanced(
     soft = f", a torsion of {1e3 * torsion:g} mm" if torsion else ""
     claim = f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g}{soft}{limit} "
     claim += "no contact "
-    times = "" if factor == 1 else f"{up(factor)} times or more "
+    times = "" if factor == 1 else f"{up(factor, 3)} times or more "
     claim += f"forces balance {times}{'all of ' if len(used) > 1 else ''}{', '.join(used)}"
     figures: dict[str, Figure] = {"boxes": len(tree.entries)}
     try:
@@ -729,17 +729,7 @@ def replay_unbalanced(
     if center is not None and len(regions) == 2:
         least = placements.line_distance(center)
         figures["line_distance"] = least
-        claim += f"; the line through them is at least {down(1e3 * least)} mm from the centre of mass" if least else ""
+        claim += (
+            f"; the line through them is at least {down(1e3 * least, 3)} mm from the centre of mass" if least else ""
+        )
     return Replay("balance", claim, "", figures)
-
-
-def down(x: float) -> str:
-    """A positive number in three digits, rounded down."""
-    unit = 10.0 ** (np.floor(np.log10(x)) - 2)
-    return f"{np.floor(x / unit) * unit:.3g}"
-
-
-def up(x: float) -> str:
-    """A positive number in three digits, rounded up."""
-    unit = 10.0 ** (np.floor(np.log10(x)) - 2)
-    return f"{np.ceil(x / unit) * unit:.3g}"
