@@ -517,7 +517,7 @@ def forged(name: str) -> dict[str, Any]:
         ("slips earlier", "it says"),
         ("finer than it is", "it says"),
         ("no resolution", "its resolution is None"),
-        ("no step at all", "its resolution is 0.0; a positive number is needed"),
+        ("no step at all", "its resolution is 0.0; a number above 0, of 1 at most, is needed"),
         ("a range is missing", "it says"),
         ("a range is there twice", "an arc is there twice"),
         ("a range is longer", "is missed by"),

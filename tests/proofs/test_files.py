@@ -79,6 +79,8 @@ def test_numbers_that_nothing_has(written, text: str) -> None:
         (r"a\nPROVED", r"contains 'a\nPROVED'; names and texts are one line without control characters"),
         ("\x9b31m", r"contains '\x9b31m'; names and texts are one line without control characters"),
         (rf"{'a' * 39}\nb", rf"contains '{'a' * 39}\n'; names and texts are one line without control characters"),
+        (r"\u2028PROVED", r"contains '\u2028PROVED'; names and texts are one line without control characters"),
+        ("\u2029PROVED", r"contains '\u2029PROVED'; names and texts are one line without control characters"),
         (r"\u001b[31m", r"contains '\x1b[31m'; names and texts are one line without control characters"),
     ],
 )

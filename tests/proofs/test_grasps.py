@@ -666,6 +666,10 @@ def test_every_load_is_held_and_so_many_times(monkeypatch: pytest.MonkeyPatch) -
         ("3 times a", [0, 0, -1.5, 0, 0, 0], "of more a"),
         ("3 times b", [0, 0, 0, 0.75, 0, 0], "of more b"),
     ]
+    more = entry(grip=2.0)
+    more["strength"]["factor"] = 2.903703845  # 2.904 times the load may be none that is held
+    done, _ = claimed(monkeypatch, more)
+    assert [part.name for part in done.parts][3:] == ["2.903 times a", "2.903 times b"]
     alone = entry(grip=2.0)
     del alone["strength"]
     done, held = claimed(monkeypatch, alone)

@@ -16,7 +16,7 @@ import pytest
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.proofs import holds
+from handfast.proofs import answers, holds
 from handfast.proofs.answers import ANSWER_NOT_REPLAYED, SavedAnswer, read_answer
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.fields import BadFile
@@ -493,8 +493,34 @@ def test_margins_are_the_least_that_is_shown() -> None:
     some = {"lower": 3.0, "upper": 4.0, "unbounded": False}
     assert holds.margins_json({"a": some})["margin"] == 3
     assert holds.margins_json({"a": some | {"lower": 0.5}})["margin"] == 1
-    assert holds.margins_json({"a": some | {"unbounded": True}})["margin"] is None
-    assert holds.margins_json({"a": some | {"unbounded": True}, "b": some})["margin"] == 3
+    endless = {"lower": 1000.0, "upper": None, "unbounded": True}
+    assert holds.margins_json({"a": endless})["margin"] is None
+    assert holds.margins_json({"a": endless, "b": some})["margin"] == 3
+
+
+def test_a_load_that_is_shown_little_farther_has_no_margin_of_any_size() -> None:
+    """Unbounded is told beside commands, which may be small: a foot at rest that 1/1000 N presses, its load of 1 N."""
+    assert holds.margins_json({"a": {"lower": 1.1, "upper": None, "unbounded": True}})["margin"] == 1.1
+    assert [holds.grown(x, True) for x in (0.9, 999.0, 1000 * (1 - 1e-10))] == [1, 999, np.inf]
+    margin = one_answer(jaws(1.0, 2.0, LARGEST_GOAL, wrench=[0] * 6, direction=TWO["a"].tolist()), query="max")
+    for unbounded, told in ((True, (answers.UNBOUNDED_CLAIM,)), (False, ())):
+        of = replace(margin, said=margin.said | {"unbounded": unbounded})
+        assert holds.replay(of_jaws({}, margins={"a": of})).not_replayed == (*told, holds.HOLD_NOT_REPLAYED)
+
+
+def test_what_holds_says_of_no_load_that_it_slips() -> None:
+    data = saved()
+    data["refuted"] = {"load": "up", "result": saved("too weak")["refuted"]["result"]}
+    assert reason(data) == "answer: says of a load that no preload holds it, and is no SLIPS"
+    data["refuted"] = {"load": "of another name"}
+    assert reason(data) == "answer: says of a load that no preload holds it, and is no SLIPS"
+
+
+def test_loads_are_numbers() -> None:
+    data = saved()
+    assert data["answer"]["loads"]["up"][:2] == [0, 1]
+    data["answer"]["loads"]["up"][:2] = [False, True]
+    assert reason(data) == "answer: loads are not those of the question"
 
 
 # --- files without any answer ------------------------------------------------------------------------------
@@ -649,11 +675,12 @@ def test_more_than_the_limit_is_needed_where_no_commands_within_it_hold(
 
 @pytest.mark.parametrize(("cap", "refused"), [(None, False), (19e3, True), (21e3, False)])
 def test_a_bound_above_the_limit_reaches_far(cap: float | None, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """10^4 times the largest force in play, 2 N of the load, whatever verdict and course it was found with."""
+    """10^4 times the largest force in play, 2 N of the commands, whatever verdict and course it was found with."""
     asked = jaws(1.0, 2.0, TORQUES, driven=["left", "right"])
     least = one_answer(asked, query="torques", lower=2.0, verdict="undecided")
     saved = of_jaws({}, refuted=("a", least), command_limit=1.9)
-    most = in_play(least.question, 0.0)
+    most = in_play(least.question, 2.0)
+    assert 2 * in_play(least.question, 0.0) == pytest.approx(most) == pytest.approx(2.0)
     part = Replay("certificate", "", "", {"motion_cap": None if cap is None else cap / 2 * most})
     monkeypatch.setattr(holds.answers, "replay", lambda answer: Replay("torques", "", "", parts=(part,)))
     if refused:
@@ -661,6 +688,20 @@ def test_a_bound_above_the_limit_reaches_far(cap: float | None, refused: bool, m
             holds._refuted(saved)
     else:
         assert holds._refuted(saved)[0].ok
+
+
+@pytest.mark.parametrize(("cap", "refused"), [(None, False), (19e3, True), (21e3, False)])
+def test_a_bound_of_the_commands_reaches_far(cap: float | None, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = jaws(1.0, 2.0, TORQUES, driven=["left", "right"])
+    least = one_answer(asked, query="torques", lower=2.0, stop="numerical")
+    saved = of_jaws({"lower": 2.0, "upper": 2.0}, bounding=("a", least))
+    part = Replay("certificate", "", "", {"motion_cap": cap})
+    monkeypatch.setattr(holds.answers, "replay", lambda answer: Replay("torques", "", "", parts=(part,)))
+    if refused:
+        with pytest.raises(Refused, match=r"^a: it is proved for motions up to .* N only, not 10000 times the forces"):
+            holds._bounding(saved)
+    else:
+        assert holds._bounding(saved)[0].ok
 
 
 def test_forces_that_balance_a_load_may_be_of_any_commands(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -360,8 +360,8 @@ def test_an_actuator_that_is_not_sought_stays_locked() -> None:
 @pytest.mark.parametrize(
     ("said", "need"),
     [
-        ({"lower": 2.0, "upper": 2.0}, ("no commands below 2 suffice", 0, (0, 2))),
-        ({"lower": 2.0, "upper": None}, ("no commands below 2 suffice", 0, (0, 2))),
+        ({"lower": 2.0, "upper": 2.0}, ("no commands below 2 suffice", 2, (0, 2))),
+        ({"lower": 2.0, "upper": None}, ("no commands below 2 suffice", 2, (0, 2))),
         ({"lower": 0.0, "upper": 4.0}, None),
         ({"verdict": "slips", "lower": None, "upper": None}, ("no commands suffice", 0, (0, np.inf))),
         ({"verdict": "slips", "lower": 1.0, "upper": None}, "SLIPS with bounds"),
@@ -501,6 +501,18 @@ def test_how_an_interval_is_told(reasons: tuple[str, ...], monkeypatch: pytest.M
     assert found.figures == {"arcs": 0, "slips": 1, "residual": 0.0}
 
 
+def test_where_nothing_holds_from_zero_on_nothing_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """0 says that it is not shown of any magnitude, not that the base load is resisted."""
+    monkeypatch.setattr(answers.ranges, "replayed", lambda q, arc: ("", 0.5))
+    monkeypatch.setattr(answers, "_slips_fault", lambda _: "")
+    monkeypatch.setattr(answers, "_ranges_fault", lambda *_: "")
+    (found,) = answers.Maximum().smaller(interval(holds_from_zero_to=0.0))
+    assert found.claim == "of magnitudes from 0 on nothing is said, to 1e-9 of load and commands"
+    (found,) = answers.Maximum().smaller(interval(holds_from_zero_to=0.0, holes=[[0.0, 1 / 3]]))
+    claim = "nothing at 0 to 0.333333 but for 0.1 of the magnitude at the ends, to 1e-9 of load and commands"
+    assert found.claim == claim
+
+
 def test_certificates_of_smaller_magnitudes_have_no_cap(monkeypatch: pytest.MonkeyPatch) -> None:
     for reason, cap, fault in (
         ("", None, ""),
@@ -534,9 +546,11 @@ def test_what_is_said_of_smaller_magnitudes_is_what_is_shown(monkeypatch: pytest
     assert answers._ranges_fault(one, []).startswith("it says")
     assert answers._ranges_fault(interval(**told | {"lower": None, "upper": None}), holes) == ""
     assert asked[-1][2:4] == (0, np.inf)
-    for bad in (None, 0.0, -1.0):
-        fault = f"its resolution is {bad}; a positive number is needed"
+    for bad in (None, 0.0, -1.0, 1.1):
+        fault = f"its resolution is {bad}; a number above 0, of 1 at most, is needed"
         assert answers._ranges_fault(interval(**told | {"resolution": bad}), holes) == fault
+    below = replace(one, slips=(*one.slips, SimpleNamespace(scalar=(-1.0, 0.0))))  # type: ignore[arg-type]
+    assert answers._ranges_fault(below, holes) == "a certificate is about magnitudes below 0"
     twice = replace(one, arcs=(one.arcs[0], one.arcs[0]))
     assert answers._ranges_fault(twice, holes) == "an arc is there twice"
 
@@ -555,6 +569,9 @@ def test_where_magnitudes_make_no_difference_the_bounds_are_all_that_is_said() -
         assert answers._ranges_fault(replace(with_arcs, **less), []) == fault  # type: ignore[arg-type]
     bare = replace(with_arcs, arcs=(), slips=())
     assert answers._ranges_fault(bare, []) == ""
+    for bad in (-5.0, 0.0, 1e6):
+        said = replace(bare, said=bare.said | {"resolution": bad})
+        assert answers._ranges_fault(said, []) == f"its resolution is {bad}; a number above 0, of 1 at most, is needed"
     assert answers._ranges_fault(bare, [(1.0, 2.0)]).startswith("it says")
     none = {"lower": None, "upper": None, "holds_from_zero_to": None, "holds_from_zero_upper": None}
     assert answers._ranges_fault(replace(interval(**told | none), arcs=(), slips=()), []) == ""
@@ -639,7 +656,7 @@ def test_what_a_certificate_is_held_against(
         parts, cap = answers._certificate(one, SimpleNamespace(refuted=lambda _: need))  # type: ignore[arg-type]
         if claim:
             assert (parts[0].figures, cap) == ({"motion_cap": 7.0}, 7)
-            assert asked == [(claim, c, need[1] if query == "max" else None, moved, complete)]
+            assert asked == [(claim, c, None if query == "check" else need[1], moved, complete)]
         else:
             lo, hi = need[2]
             assert parts == [Replay("certificate", "none", f"it covers 0.5 to 8; the answer needs {lo:g} to {hi:g}")]

@@ -21,7 +21,7 @@ import pytest
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import path_commands, path_steps
-from handfast.proofs.answers import COURSE_KEYS, UNPROVED_STATE
+from handfast.proofs.answers import ANSWER_NOT_REPLAYED, COURSE_KEYS, UNBOUNDED_CLAIM, UNPROVED_STATE
 from handfast.proofs.existence import Proved
 from handfast.proofs.fields import BadFile
 from handfast.proofs.grasp import StartData
@@ -413,6 +413,13 @@ def test_what_the_end_of_a_path_may_say(
     lower, upper, gap = shown
     found = path_steps._max(saved, before, PROVED, ended)
     assert found == BOUNDS | {"lower": lower, "upper": upper, "gap": gap, "unbounded": "unbounded" in more}
+
+
+def test_that_a_path_never_ends_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(path_steps, "_compare", lambda *_: None)
+    for unbounded, more in ((True, (UNBOUNDED_CLAIM,)), (False, ())):
+        done = path_steps.replay(path("max", "holds", unbounded=unbounded))
+        assert done.not_replayed == (*more, path_steps.OTHER_PATHS, ANSWER_NOT_REPLAYED)
 
 
 def test_where_a_path_without_end_is_left() -> None:

@@ -33,7 +33,7 @@ def test_what_is_proved(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys:
     assert capsys.readouterr().out.splitlines() == [
         "plan",
         "  grasp 0",
-        "    proved: the load is held (leaves 12, margin 0.123, exact True)",
+        "    proved: the load is held (leaves 12, margin 0.123456, exact True)",
         "    not shown here: clearances",
         "    not shown here: names",
         "  proved: 2 N slips",

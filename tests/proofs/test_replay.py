@@ -98,4 +98,5 @@ def test_bounds_are_rounded_to_the_side_where_they_are_true() -> None:
     ]
     assert [up(x, 3) for x in (4.1901, 0.0123456, 356.7, 8.0, 5.551, 0.0)] == ["4.2", "0.0124", "357", "8", "5.56", "0"]
     assert (down(2 / 3), up(1 / 3), down(0.5), up(0.5)) == ("0.666666", "0.333334", "0.5", "0.5")
+    assert (down(0.35), up(0.45), down(0.1)) == ("0.35", "0.45", "0.1")  # floats beside what was typed
     assert (down(9.9999999e8), up(9.9999991e8), down(math.nextafter(1, 0))) == ("9.99999e+08", "1e+09", "0.999999")

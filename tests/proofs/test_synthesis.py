@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.impossibility import Impossibility
 from handfast.proofs.pose_by_pose import impossible_at_every_pose
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.synthesis import (
@@ -121,6 +122,11 @@ def test_what_is_proved_of_none_pose_by_pose(monkeypatch: pytest.MonkeyPatch) ->
     assert (done.ok, done.not_replayed) == (True, (SYNTHESIS_COURSE, NAMES_CLAIM))
     claim = r"all contacts, pose by pose exclude each other, by \d+ boxes of the checker's own"
     assert re.fullmatch(claim, done.parts[0].claim)
+    monkeypatch.setattr("handfast.proofs.synthesis.impossible_at_every_pose", lambda _: Impossibility(True, 4, 1.0))
+    data = changed("turned", of_search(by="all contacts, pose by pose"))
+    data["task"]["pose"]["axes"][1][2] = [-1.0, 0.5]
+    told = "all contacts, pose by pose exclude each other, where axes of the object are bounded, by 4 boxes"
+    assert replay(data).parts[0].claim.startswith(told)
 
 
 def test_a_forged_none_of_a_possible_task_is_not_accepted_pose_by_pose(monkeypatch: pytest.MonkeyPatch) -> None:

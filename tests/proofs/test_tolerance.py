@@ -176,6 +176,13 @@ def test_drives_by_hand() -> None:
     assert drives(question(data)) == pytest.approx(2 / ROLL)
 
 
+def test_commands_that_are_sought_count_as_far_as_they_are_bounded() -> None:
+    asked = question(quiet(push=-0.75, pull=3.0), "torques", driven=["push"])
+    assert drives(asked, 2.0) == pytest.approx(2 / PUSH)
+    assert in_play(asked, 2.0) == max(load_scale(asked.grasp, asked.wrench), drives(asked, 2.0))
+    assert drives(question(quiet(push=-0.75)), 2.0) == pytest.approx(0.75 / PUSH)  # none is sought
+
+
 def test_commands_that_are_sought_do_not_count() -> None:
     assert drives(question(quiet(push=-0.75, pull=3.0), "torques", driven=["pull"])) == 0
     with_back = quiet(push=-0.75, back=-0.25)  # what a backdrivable motor is commanded is given

@@ -255,6 +255,7 @@ BROKEN = {
     "another load": ({"motions": [{**MOTION, "loads": {"x": 1.0}}]}, r"motions\[0\].loads: has unknown load 'x'"),
     "a load that pulls": ({"motions": [{**MOTION, "loads": {"w": -1.0}}]}, "loads.w: is -1; 0 or more is needed"),
     "one contact": ({"motions": [{**MOTION, "line": [1, 1]}]}, r"line: is \[1, 1\]; two of the contacts 0 to 1"),
+    "part of a contact": ({"motions": [{**MOTION, "line": [0, 1.9]}]}, "two of the contacts 0 to 1 are needed"),
     "no such contact": ({"motions": [{**MOTION, "line": [1, 2]}]}, r"line: is \[1, 2\]; two of the contacts 0 to 1"),
     "both": ({"motions": [{**MOTION, "twist": [0.0] * 6}]}, "needs either a line or a twist"),
     "neither": ({"motions": [{"loads": {"w": 1.0}}]}, r"^motions\[0\]: needs either a line or a twist"),
@@ -759,7 +760,7 @@ def test_what_is_claimed_of_several_loads_and_limits() -> None:
     assert replayed(jaws(), loads, of_line(1, 0, a=0.5, b=0.5)).claim.endswith("contact forces balance all of a, b")
     assert replayed(jaws(), loads, of_line(1, 0, a=0.5)).claim.endswith("contact forces balance a")
     some = replayed(jaws(), loads, of_line(1, 0, a=0.5), limit=np.array([1.23456, np.inf]))
-    assert "and normal forces up to 1.235, any N no contact" in some.claim
+    assert "and normal forces up to 1.23456, any N no contact" in some.claim
     for tree, boxes in (([2, 0, -1, None, -1], 5), ([2, 0, -1, -1], 4)):
         refused = replayed(jaws(), {"w": weight(FAR)}, {**RIGHT, "tree": tree})
         assert refused.figures == {"boxes": boxes}

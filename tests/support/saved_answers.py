@@ -269,7 +269,7 @@ FAULTS = [
     (
         "max",
         put("answer", "holds_from_zero_to", to=2.0),
-        "interval: its resolution is None; a positive number is needed",
+        "interval: its resolution is None; a number above 0, of 1 at most, is needed",
     ),
     (
         "max",

@@ -26,6 +26,7 @@ from handfast.model.grasp import Grasp
 from handfast.pictures import Entry, words
 from handfast.pictures.sentences import command_text, hold_sentence
 from handfast.pictures.words import num
+from handfast.proofs.holds import grown
 from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.load_path import LoadPath
 from handfast.stability.problem.settings import Settings
@@ -264,9 +265,9 @@ def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:
 
 def margin_text(a: MaxAnswer | None) -> str:
     """'1.25', with the bound above it where they are apart."""
-    if a is None or a.unbounded:
+    if a is None or np.isinf(shown := grown(a.lower, a.unbounded)):
         return "any size"
-    lower = num(max(a.lower, 1.0))
+    lower = num(shown)
     if not np.isfinite(a.upper):
         return f"{lower} or more"
     upper = num(max(a.upper, 1.0))
@@ -276,5 +277,5 @@ def margin_text(a: MaxAnswer | None) -> str:
 def conclusion(answer: HoldAnswer) -> str:
     """The least margin in words."""
     if answer.margin is None or np.isinf(answer.margin):
-        return "Each load is resisted at any size under this preload."
+        return "Each load is resisted at any size under this preload, as far as was looked: 1000 times at least."
     return f"Margin {num(answer.margin)}: each load alone is resisted so many times; {answer.weakest} has the least."

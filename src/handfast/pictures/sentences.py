@@ -129,7 +129,7 @@ def _end_sentence(answer: MaxAnswer, path: LoadPath, what: str, factor: float, u
     """Of a load that grows after the squeeze."""
     lower, upper = (f"{num(factor * x)} {unit}" for x in (answer.lower, answer.upper))
     if answer.unbounded:
-        return f"After the squeeze a {what} may grow to any size."
+        return f"After the squeeze a {what} may grow to any size, as far as was looked: up to {lower}."
     if answer.upper == 0 and path.reached is not None:
         return f"No {what} is resisted, however small{up_to(answer)}."
     if path.reached is None:

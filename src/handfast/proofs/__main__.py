@@ -45,7 +45,7 @@ def _show(done: Replay, indent: str) -> None:
 
 
 def _text(x: object) -> str:
-    return f"{x:.3g}" if isinstance(x, float) else str(x)
+    return f"{x:.6g}" if isinstance(x, float) else str(x)
 
 
 if __name__ == "__main__":

@@ -180,7 +180,7 @@ def held(name: str, claim: str, found: Proved, fault: str = "") -> Replay:
 def refuted(claim: str, c: Certificate, magnitude: float | None, motion: Array | None, complete: bool) -> Replay:
     """The claim that no state exists, from its certificate.
 
-    magnitude, motion: as of `cap_fault`, which is asked if it is to count as complete; None without a direction.
+    magnitude, motion: as of `cap_fault`, which is asked if it is to count as complete; None of a load alone.
     """
     found = checker.verify(c, to_the_end=False)
     reason, q, cap = found.reason, c.question, found.cap
@@ -207,11 +207,11 @@ def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float 
     if c.scalar is not None and not (c.scalar[0] <= lo and c.scalar[1] >= hi):
         reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
         return [Replay("certificate", claim, reason)], None
-    if magnitude > 0 or saved.said["query"] == "max":
+    if saved.said["query"] == "max":
         claim += f", up to {down(q.magnitudes(c.scalar)[1])} times the direction" if c.scalar is not None else ""
     complete = saved.said["stop"] == "complete" or saved.said["verdict"] == "slips"
-    of_direction = magnitude if saved.said["query"] == "max" else None
-    part = refuted(claim, c, of_direction, saved.witness.state.motion if saved.witness else None, complete)
+    bounded = None if saved.said["query"] == "check" else magnitude
+    part = refuted(claim, c, bounded, saved.witness.state.motion if saved.witness else None, complete)
     return [part], motion_cap(part)
 
 
@@ -233,9 +233,9 @@ def told_cap(q: Question, cap: float, magnitude: float) -> float:
 def cap_fault(q: Question, cap: float, magnitude: float, motion: Array | None) -> str:
     """Why a bound that is proved for motions inside a cap [N] does not count as complete; "" if it does.
 
-    The cap has to be far above every force in play at the bound, and beyond motion (6 + l,), what the answer's own
-    witness moves by. Where nothing of a direction is resisted, and states are multiples of each other, at the magnitude
-    at which it is as large as what else is in play.
+    The cap has to be far above every force in play at the bound, a magnitude of the direction or commands that are
+    sought, and beyond motion (6 + l,), what the answer's own witness moves by. Where nothing of a direction is
+    resisted, and states are multiples of each other, at the magnitude at which it is as large as what else is in play.
     """
     if q.homogeneous and not magnitude:
         magnitude = drives(q) / size_of(q.grasp, q.direction) or 1.0
@@ -276,20 +276,20 @@ def compare(
             raise Refused(f"{key} is missing")
         numbers = _is_number(said[key]) and isinstance(value, float)
         within = {"residual": RESIDUAL_ROUNDING, "motion": FORCE_DEVIATION * value}.get(key, 0.0) if numbers else 0.0
-        rounds = numbers and abs(said[key] - value) <= within
+        rounds = numbers and abs(said[key] - value) <= within and said[key] >= 0
         says_less = numbers and key == "motion_cap" and 0 <= said[key] <= value
         if rounding and key in rounding and value is not None:
-            alike = _alike(said[key], value, rounding[key])
+            equal = alike(said[key], value, rounding[key])
         else:
-            alike = said[key] == value if key == "preload" else matches(said[key], value)
-        if not (rounds or says_less or alike):
+            equal = said[key] == value if key == "preload" else matches(said[key], value)
+        if not (rounds or says_less or equal):
             raise Refused(f"{key} is not what the rest of the file shows")
 
 
 # --- the queries ----------------------------------------------------------------------------------
 
 Held = tuple[str, Array, Array | None, float, Array]  # claim, load, direction of an unknown magnitude, commands
-Refuted = tuple[str, float, Range]  # claim, magnitude of the direction, range of the scalar that is to be covered
+Refuted = tuple[str, float, Range]  # claim, magnitude or commands, range of the scalar that is to be covered
 
 
 class Query:
@@ -400,9 +400,11 @@ class Maximum(Query):
                 raise Refused("has holes, but does not say up to where everything is resisted")
             return super().smaller(saved)
         holes = _pairs(saved, "holes")
-        claim = f"everything up to {down(to)} times the direction is resisted"
+        shown = [f"everything up to {down(to)} times the direction is resisted"] if to > 0 else []
         if holes:
-            claim += f", nothing at {', '.join(f'{up(a)} to {down(b)}' for a, b in holes)}"
+            shown.append(f"nothing at {', '.join(f'{up(a)} to {down(b)}' for a, b in holes)}")
+        claim = ", ".join(shown) or "of magnitudes from 0 on nothing is said"
+        if holes:
             claim += f" but for {saved.number('resolution') or 0.0:g} of the magnitude at the ends"
         bounds = [ranges.replayed(saved.question, arc) for arc in saved.arcs]
         reason = next((fault for fault, _ in bounds if fault), "") or _slips_fault(saved) or _ranges_fault(saved, holes)
@@ -436,7 +438,7 @@ class Torques(Query):
         if not close(w.wrench, saved.question.wrench):
             raise Refused("witness: it is a state under another disturbance")
         upper = saved.number("upper")
-        return f"commands of {upper or 0.0:.6g} suffice", saved.question.wrench, None, 0.0, w.command
+        return f"commands of {up(upper or 0.0)} suffice", saved.question.wrench, None, 0.0, w.command
 
     def held_fault(self, saved: SavedAnswer, w: SavedWitness, found: Proved) -> str:
         """Are the commands those that the answer gives, and do they cost what it says?"""
@@ -464,7 +466,7 @@ class Torques(Query):
             raise Refused(f"a lower bound of {lower}")
         if upper is not None and lower > upper:
             raise Refused(f"its lower bound {lower:.9g} is above its upper bound {upper:.9g}")
-        return (f"no commands below {down(lower)} suffice", 0.0, (0.0, lower)) if lower > 0 else None
+        return (f"no commands below {down(lower)} suffice", lower, (0.0, lower)) if lower > 0 else None
 
     def shown(self, saved: SavedAnswer, proved: Proved | None) -> dict[str, Any]:
         w, q = saved.witness, saved.question
@@ -587,14 +589,16 @@ def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
     q, lower, upper = saved.question, saved.number("lower") or 0.0, saved.number("upper")
     top = np.inf if upper is None else upper
     resolution = saved.number("resolution")
+    if resolution is None or not 0 < resolution <= 1:
+        return f"its resolution is {resolution}; a number above 0, of 1 at most, is needed"
     if not q.has_scalar:  # magnitudes make no difference
         if saved.slips or saved.arcs:
             return "it has states or certificates where magnitudes make no difference"
         shown = Known(lower, top, (), ())
-    elif resolution is None or not resolution > 0:
-        return f"its resolution is {resolution}; a positive number is needed"
     else:
         good, bad = [(a.first, a.last) for a in saved.arcs], [q.magnitudes(c.scalar) for c in saved.slips]
+        if any(first < 0 for first, _ in bad):
+            return "a certificate is about magnitudes below 0"
         if len(set(good)) < len(good):
             return "an arc is there twice"
         try:
@@ -621,23 +625,23 @@ def matches(said: Any, shown: Any) -> bool:
             return False
         every = set().union(*shown)  # some contacts have a torsion, others none
         return all(matches(*([x[key] for x in there if key in x] for there in (said, shown))) for key in every)
-    return _alike(said, shown, EQUALITY_TOLERANCE * _largest(shown))
+    return alike(said, shown, EQUALITY_TOLERANCE * _largest(shown))
 
 
 def _keys(x: Any) -> set[str] | None:
     return set(x) if isinstance(x, Mapping) else None
 
 
-def _alike(said: Any, shown: Any, within: Any) -> bool:
+def alike(said: Any, shown: Any, within: Any) -> bool:
     """Numbers to within so much: one for all, or by key and place; 0 where nothing is said of a key."""
     if isinstance(shown, Mapping):
         there = isinstance(said, Mapping) and said.keys() == shown.keys()
         each = within if isinstance(within, Mapping) else dict.fromkeys(shown, within)
-        return there and all(_alike(said[key], shown[key], each.get(key, 0.0)) for key in shown)
+        return there and all(alike(said[key], shown[key], each.get(key, 0.0)) for key in shown)
     if isinstance(shown, list | tuple):
         there = isinstance(said, list | tuple) and len(said) == len(shown)
         each_ = within if isinstance(within, list) else [within] * len(shown)
-        return there and all(_alike(*three) for three in zip(said, shown, each_, strict=True))
+        return there and all(alike(*three) for three in zip(said, shown, each_, strict=True))
     if _is_number(shown):
         return _is_number(said) and bool(abs(said - shown) <= within)
     return type(said) is type(shown) and bool(said == shown)

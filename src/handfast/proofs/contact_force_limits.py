@@ -65,6 +65,7 @@ class ForceLimits:
         )
 
 
+@np.errstate(all="ignore")  # numbers that overflow end as NaN, which bounds nothing
 def contact_force_limits(task: TaskData, motors: Motors, friction: float, torsion: float = 0.0) -> ForceLimits:
     """Of the contacts of a task, by what its motors can do; torsion [m] of soft fingers, 0 for point contacts."""
     out, turned, slid = np.full(len(task.links), np.inf), np.zeros(len(task.links)), np.zeros(len(task.links))

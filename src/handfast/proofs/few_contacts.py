@@ -45,7 +45,7 @@ from handfast.proofs.fields import (
     rationals,
     rounded,
 )
-from handfast.proofs.replay import Replay
+from handfast.proofs.replay import Replay, down
 from handfast.proofs.solids import SOLID_TOUCH_DISTANCE, ConvexSolid, SurfaceParts, angle, hidden
 from handfast.proofs.tolerance import MIN_FORCE_SCALE
 
@@ -403,14 +403,14 @@ def replay(data: Any, place: str = "") -> Replay:
     claimed = read_claim(data, place)
     held, contacts, names = claimed.held, claimed.fewest.contacts, claimed.loads
     found = held.fewest()
-    limit = f" and normal forces up to {held.force_limit:g} N" if np.isfinite(held.force_limit) else ""
+    limit = f" and normal forces up to {down(held.force_limit)} N" if np.isfinite(held.force_limit) else ""
     shown = found.contacts is None or (contacts is not None and contacts <= found.contacts)
     shown &= claimed.fewest.reason in ("", found.reason)
     said = words(Fewest(contacts, found.reason)) if shown else words(Fewest(contacts))
-    limit = f", a torsion of {1e3 * held.torsion:g} mm{limit}" if held.torsion else limit
+    limit = f", a torsion of {down(1e3 * held.torsion)} mm{limit}" if held.torsion else limit
     if found.reason == "line" and len(held.solids) > 1:
         said += f", where solids touch that are less than {SOLID_TOUCH_DISTANCE:g} of the object's length apart"
-    claim = f"with a friction of {held.friction:g}{limit}, of {', '.join(names)}: {said}"
+    claim = f"with a friction of {down(held.friction)}{limit}, of {', '.join(names)}: {said}"
     refused = "" if shown else f"shown is only that {words(found)}"
     return Replay("contacts", claim, refused, {"contacts": found.contacts})
 
@@ -425,7 +425,7 @@ def replay_of_loads(
     few = f.whole("fewest_contacts", least=1)
     f.done()
     found = Held((), np.zeros(3), np.array(list(loads.values())), friction, torsion=torsion).opposed(reach)
-    claim = f"{contacts} contacts cannot hold {', '.join(loads)} with a friction of {friction:g}"
+    claim = f"{contacts} contacts cannot hold {', '.join(loads)} with a friction of {down(friction)}"
     refused = "" if contacts < few <= found.most + 1 else f"shown is only that it takes {found.most + 1:g}"
     return Replay(
         "balance", claim + (f": {FEWEST_REASONS[found.reason]}" if found.reason else ""), refused, {"contacts": few}

@@ -32,7 +32,7 @@ from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.intervals import Interval, sqr, sqrt
 from handfast.proofs.motors import Motors
 from handfast.proofs.question import CHECK, Question
-from handfast.proofs.replay import Figure, Refused, Replay
+from handfast.proofs.replay import Figure, Refused, Replay, down
 from handfast.proofs.states import Problem, read_state
 from handfast.proofs.synthesis import NAMES_CLAIM, SYNTHESIS_COURSE
 from handfast.proofs.tasks import TaskData, read_task
@@ -294,7 +294,7 @@ def _grasp(
     asked = [(1.0, "", witnesses)]
     if strength is not None:
         figures["factor"] = factor = strength.number("factor", least=1.0)
-        asked.append((factor, f"{factor:.4g} times ", strength.object("witnesses")))
+        asked.append((factor, f"{down(factor, 4)} times ", strength.object("witnesses")))
         strength.done()
     for factor, times, states in asked:
         for load, wrench in loads.items():

@@ -17,13 +17,15 @@ import numpy as np
 from handfast.proofs import answers, checker, path_steps
 from handfast.proofs.answers import SavedAnswer
 from handfast.proofs.certificate import Certificate
-from handfast.proofs.fields import Array, BadFile, Fields
+from handfast.proofs.fields import EQUALITY_TOLERANCE, Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, read_question
 from handfast.proofs.replay import SEARCH_STOPS, Refused, Replay, down
+from handfast.proofs.tolerance import UNBOUNDED_FACTOR
 
 SCHEMA = "handfast/hold/1"
 HOLD_NOT_REPLAYED = "hardest, stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
+ENDLESS = UNBOUNDED_FACTOR * (1 - EQUALITY_TOLERANCE)  # times a load, from which on its margin may be of any size
 HOLD_KEYS = ("schema", "query", "verdict", "stop", "seconds", "nodes", "loads", "preload", "lower", "upper", "hardest")
 
 
@@ -112,6 +114,8 @@ def replay(saved: SavedHold) -> Replay:
         if said.get("verdict") == "slips":
             parts += _refuted(saved)
         else:
+            if saved.refuted is not None:
+                raise Refused("says of a load that no preload holds it, and is no SLIPS")
             parts += _bounding(saved)
             if said.get("verdict") == "holds":
                 _held(saved)
@@ -121,7 +125,8 @@ def replay(saved: SavedHold) -> Replay:
         _compare(saved)
     except Refused as fault:
         reason = f"answer: {fault}"
-    return Replay("hold", _claim(saved), reason, parts=tuple(parts), not_replayed=(HOLD_NOT_REPLAYED,))
+    endless = [answers.UNBOUNDED_CLAIM] if any(a.said.get("unbounded") for a in saved.margins.values()) else []
+    return Replay("hold", _claim(saved), reason, parts=tuple(parts), not_replayed=(*endless, HOLD_NOT_REPLAYED))
 
 
 def _replayed(answer: SavedAnswer, name: str) -> Replay:
@@ -169,8 +174,11 @@ def _command(saved: SavedHold) -> Array:
 
 
 def grown(lower: float, unbounded: bool) -> float:
-    """The margin of a load that holds, of the `max` of it: inf where it is resisted at any size."""
-    return np.inf if unbounded else max(lower, 1.0)
+    """The margin of a load that holds, of the `max` of it: inf where it is unbounded, shown up to many times the load.
+
+    Under small commands a load may be unbounded beside these, and be shown little farther than itself.
+    """
+    return np.inf if unbounded and lower >= ENDLESS else max(lower, 1.0)
 
 
 def margins_json(found: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -219,7 +227,7 @@ def _bounding(saved: SavedHold) -> list[Replay]:
     _all_commands(saved, name, answer)
     if upper is not None and lower > upper:
         raise Refused(f"the bound {lower:.6g} is above the command {upper:.6g}")
-    return [replace(answers.replay(answer), name=f"{name}, least commands")]
+    return [replace(_reaching(name, answer), name=f"{name}, least commands")]
 
 
 def _refuted(saved: SavedHold) -> list[Replay]:
@@ -239,11 +247,16 @@ def _refuted(saved: SavedHold) -> list[Replay]:
     more &= not answer.question.sums  # a sum is more than the largest of them
     if answer.said["query"] != "torques" or (answer.said["verdict"] != "slips" and not more):
         raise Refused(f"{name}: the answer does not say that it slips")
+    return [replace(_reaching(name, answer), name=f"{name}, no commands")]
+
+
+def _reaching(name: str, answer: SavedAnswer) -> Replay:
+    """The replay of the `torques` of a load; `Refused` if its bound is proved up to too small motions."""
     done = answers.replay(answer)
     for cap in (answers.motion_cap(part) for part in done.parts if part.name == "certificate" and not part.reason):
-        if cap is not None and (fault := answers.cap_fault(answer.question, cap, 0.0, None)):
+        if cap is not None and (fault := answers.cap_fault(answer.question, cap, answer.number("lower") or 0.0, None)):
             raise Refused(f"{name}: {fault}")
-    return [replace(done, name=f"{name}, no commands")]
+    return done
 
 
 def _unbalanced(saved: SavedHold, name: str) -> Replay:
@@ -302,7 +315,7 @@ def _compare(saved: SavedHold) -> None:
     keys = *HOLD_KEYS, *of_margins, *(["loading"] if saved.along else [])
     if set(said) - {"residuals", "exact"} != set(keys):
         raise Refused(f"has other keys than {', '.join(keys)}")
-    if said["loads"] != loads:
+    if not answers.alike(said["loads"], loads, 0.0):
         raise Refused("loads are not those of the question")
     shown: dict[str, Any] = {"residuals": [a.said.get("residual") for a in saved.checks.values()]}
     shown |= {"loading": path_steps.LOADING} if saved.along else {}

@@ -18,6 +18,7 @@ import numpy as np
 from handfast.proofs.answers import (
     ANSWER_NOT_REPLAYED,
     COURSE_KEYS,
+    UNBOUNDED_CLAIM,
     UNPROVED_STATE,
     SavedAnswer,
     SavedWitness,
@@ -133,7 +134,9 @@ def replay(saved: SavedPath) -> Replay:
             _compare(saved, before, last, own | {"motion_cap": cap}, lowest)
     except Refused as fault:
         reason = f"answer: {fault}"
-    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(OTHER_PATHS, ANSWER_NOT_REPLAYED))
+    endless = [UNBOUNDED_CLAIM] if saved.said.get("unbounded") is True else []
+    missing = *endless, OTHER_PATHS, ANSWER_NOT_REPLAYED
+    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=missing)
 
 
 def _linked(saved: SavedPath, k: int, step: Step, before: Step | None) -> float:

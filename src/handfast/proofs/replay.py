@@ -16,12 +16,17 @@ SEARCH_STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitl
 
 def down(x: float, digits: int = 6) -> str:
     """A number in so many digits, rounded down: for what holds up to there."""
-    return f"{float(Context(digits, ROUND_FLOOR).create_decimal(x)):.{digits}g}"
+    return _rounded(x, digits, ROUND_FLOOR)
 
 
 def up(x: float, digits: int = 6) -> str:
     """The same rounded up: for what holds from there on."""
-    return f"{float(Context(digits, ROUND_CEILING).create_decimal(x)):.{digits}g}"
+    return _rounded(x, digits, ROUND_CEILING)
+
+
+def _rounded(x: float, digits: int, way: str) -> str:
+    near = f"{x:.{digits}g}"  # as it was typed, if it has no more digits
+    return near if float(near) == x else f"{float(Context(digits, way).create_decimal(x)):.{digits}g}"
 
 
 class Refused(Exception):

@@ -12,7 +12,7 @@ from typing import Any
 MAX_JSON_NUMBER = 1e50  # numbers in files are at most so large: no product of a few overflows
 MAX_INTEGER_DIGITS = 50  # of a whole number
 MAX_JSON_DEPTH = 50  # of lists and objects in each other; our own files need ten
-CONTROL = re.compile("[\x7f-\x9f]")  # that JSON itself lets pass
+CONTROL = re.compile("[\x7f-\x9f\u2028\u2029]")  # and ends of lines, that JSON itself lets pass
 TOO_DEEP = f"is nested too deeply; at most {MAX_JSON_DEPTH} lists and objects may be in each other"
 
 
@@ -43,7 +43,7 @@ def parse(text: str) -> Any:
     if "\\" in text or CONTROL.search(text):  # else every character is as it stands, and none that JSON refuses
         for word in _words(data):
             kinds = set(map(unicodedata.category, word))
-            if "Cc" in kinds:
+            if kinds & {"Cc", "Zl", "Zp"}:
                 raise BadFile(f"contains {word[:40]!r}; names and texts are one line without control characters")
             if "Cs" in kinds:
                 raise BadFile("contains half a character (a lone surrogate such as \\ud800)")

@@ -126,7 +126,8 @@ def _none(task: TaskData, searched: _Searched | None) -> Replay:
     except Refused as why:
         return Replay("none", "", f"{ask}: {why}")
     figures, boxes = {"boxes": done.boxes}, "1 box" if done.boxes == 1 else f"{done.boxes} boxes"
-    bounded = ", where axes of the object are bounded" if done.axes else ""
+    axes = done.axes or (not named and bool((np.abs(task.axes) < 1).any()))
+    bounded = ", where axes of the object are bounded" if axes else ""
     claim = f"{by} exclude each other{bounded}, by {boxes} of the checker's own"
     share = f"{100 * done.discarded:.3g} % of the space in {boxes}"
     fault = "" if done.shown else f"{ask}: of {by} the checker by itself could discard {share}"

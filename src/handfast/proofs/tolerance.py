@@ -87,20 +87,21 @@ def slack_units(g: GraspData) -> Array:
 # --- forces in play in a question [N], as forces at a contact: units, axes and the origin change nothing ----
 
 
-def drives(q: Question) -> float:
+def drives(q: Question, sought: float = 0.0) -> float:
     """[N] the largest of commands, limits, given torques and friction of joints, each where it meets a contact.
 
+    sought: [N m, N] as large are commands that are sought.
     In a step of a load's path contact forces from before as well. Of joints that couplings drive at the contacts of all
     that they drive, too: a motor may turn a joint that itself moves none.
     """
     g = q.grasp
     force = q.force_limit if np.isfinite(q.force_limit) else 0.0
     pressed = -g.gaps  # before a step of a load's path
-    own = [_drives(q, np.eye(g.l)), *([_drives(q, ways(g.A))] if len(g.A) else [])]
+    own = [_drives(q, np.eye(g.l), sought), *([_drives(q, ways(g.A), sought)] if len(g.A) else [])]
     return float(max(*own, force, pressed.max(initial=0.0)))
 
 
-def _drives(q: Question, moved: Array) -> float:
+def _drives(q: Question, moved: Array, sought: float) -> float:
     """[N] the largest of commands, limits, given torques and friction, where joints move in some ways (l, d).
 
     Each as it acts on a way, or on another to which actuators that are held pass it on.
@@ -109,7 +110,8 @@ def _drives(q: Question, moved: Array) -> float:
     arms, R = g.arms_of(moved), np.abs(g.R @ moved)
     touching = (g.J @ moved).any(axis=0) | (g.twist_jacobian @ moved).any(axis=0)
     limits = np.array([q.torque_limits.get(name, 0.0) for name in g.actuators])
-    commands = np.maximum(np.abs(g.command) * (g.backdrivable | (not q.seeks_commands)), limits)
+    given = np.where(g.backdrivable | (not q.seeks_commands), np.abs(g.command), sought * q.sought)
+    commands = np.maximum(given, limits)
     free = ((moved != 0) & ~q.equivalent.held[:, None]).any(axis=0)
     of_joints = np.where(free, (np.abs(g.torque) + g.friction) @ np.abs(moved), 0.0)
     acts = np.maximum((commands[:, None] * R).max(axis=0, initial=0.0), of_joints)
@@ -177,8 +179,9 @@ def left_behind(g: GraspData) -> float:
 
 
 def in_play(q: Question, magnitude: float) -> float:
-    """[N] the largest of all forces in play, with the direction at a magnitude."""
-    return max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q))
+    """[N] the largest of all forces in play, with the direction at a magnitude or, where they are sought, commands."""
+    sought = magnitude if q.seeks_commands else 0.0
+    return max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q, sought))
 
 
 def no_magnitude(q: Question) -> float:

@@ -109,8 +109,9 @@ class Motions:
             both = motion.has("line"), motion.has("twist")
             if both[0] == both[1]:
                 raise BadFile("needs either a line or a twist", motion.place)
-            pair = motion.numbers("line", (2,)).astype(np.int64).tolist() if both[0] else [-1, -1]
-            if both[0] and not (set(pair) <= {*range(contacts)} and pair[0] != pair[1]):
+            ends = motion.numbers("line", (2,)) if both[0] else np.full(2, -1.0)
+            pair = ends.astype(np.int64).tolist()
+            if both[0] and not ((ends == pair).all() and set(pair) <= {*range(contacts)} and pair[0] != pair[1]):
                 raise BadFile(f"is {pair}; two of the contacts 0 to {contacts - 1} are needed", motion.at("line"))
             weights.append([weighed.get(name, 0.0) for name in names])
             line.append(pair)
@@ -712,11 +713,12 @@ def replay_unbalanced(
     placements = Placements.of(regions, np.array(list(loads.values())), friction, force_limits, torsion, factor)
     used = [name for i, name in enumerate(names) if tree.motions.weights[:, i].any()]
     each = placements.force_limits.tolist()
-    most = f"{each[0]:g}" if len(set(each)) == 1 else ", ".join(f"{x:.4g}" if np.isfinite(x) else "any" for x in each)
+    same = each[:1] if len(set(each)) == 1 else each
+    most = ", ".join(down(x) if np.isfinite(x) else "any" for x in same)
     limit = f" and normal forces up to {most} N" if placements.limited.any() else ""
-    soft = f", a torsion of {1e3 * torsion:g} mm" if torsion else ""
-    claim = f"wherever in their regions the {len(regions)} contacts are, with a friction of {friction:g}{soft}{limit} "
-    claim += "no contact "
+    soft = f", a torsion of {down(1e3 * torsion)} mm" if torsion else ""
+    claim = f"wherever in their regions the {len(regions)} contacts are, with a friction of {down(friction)}"
+    claim += f"{soft}{limit} no contact "
     times = "" if factor == 1 else f"{up(factor, 3)} times or more "
     claim += f"forces balance {times}{'all of ' if len(used) > 1 else ''}{', '.join(used)}"
     figures: dict[str, Figure] = {"boxes": len(tree.entries)}

@@ -228,7 +228,7 @@ class Answer(Presented, ABC):
 
     @property
     def _bound(self) -> float:
-        """The magnitude of the direction that the proof bounds."""
+        """The magnitude of the direction, or the commands, that the proof bounds."""
         return 0.0
 
     @property

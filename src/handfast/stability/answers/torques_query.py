@@ -57,6 +57,11 @@ class TorquesAnswer(Answer):
             return self.sought.sums
         return bool(self.posed and self.posed.goal.sums_commands)
 
+    @property
+    def _bound(self) -> float:
+        """The commands below which the proof says that none are enough."""
+        return self.lower if np.isfinite(self.lower) else 0.0
+
     def proof_json(self) -> dict[str, Any]:
         return super().proof_json() | ({} if self.sought is None else {"certified": self.bound is not None})
 

@@ -301,7 +301,7 @@ class _HoldSearch:
             if self.refutes(a):
                 refuted = (self.loads.names[k], a)
                 return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=refuted)
-            if a.lower > self.lower and self.bounds.verify:
+            if a.lower > self.lower and self.bounds.verify and a.reaches_far:
                 self.lower, self.bounding = a.lower, (self.loads.names[k], a)
             if a.preload:
                 needs.append(a.preload)
