@@ -674,34 +674,24 @@ def test_more_than_the_limit_is_needed_where_no_commands_within_it_hold(
 
 
 @pytest.mark.parametrize(("cap", "refused"), [(None, False), (19e3, True), (21e3, False)])
-def test_a_bound_above_the_limit_reaches_far(cap: float | None, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """10^4 times the largest force in play, 2 N of the commands, whatever verdict and course it was found with."""
+def test_bounds_of_the_commands_reach_far(cap: float | None, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """10^4 times the largest force in play, 2 N of the commands, whatever verdict and course they were found with."""
     asked = jaws(1.0, 2.0, TORQUES, driven=["left", "right"])
-    least = one_answer(asked, query="torques", lower=2.0, verdict="undecided")
-    saved = of_jaws({}, refuted=("a", least), command_limit=1.9)
-    most = in_play(least.question, 2.0)
-    assert 2 * in_play(least.question, 0.0) == pytest.approx(most) == pytest.approx(2.0)
-    part = Replay("certificate", "", "", {"motion_cap": None if cap is None else cap / 2 * most})
-    monkeypatch.setattr(holds.answers, "replay", lambda answer: Replay("torques", "", "", parts=(part,)))
-    if refused:
-        with pytest.raises(Refused, match=r"^a: it is proved for motions up to .* N only, not 10000 times the forces"):
-            holds._refuted(saved)
-    else:
-        assert holds._refuted(saved)[0].ok
-
-
-@pytest.mark.parametrize(("cap", "refused"), [(None, False), (19e3, True), (21e3, False)])
-def test_a_bound_of_the_commands_reaches_far(cap: float | None, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = jaws(1.0, 2.0, TORQUES, driven=["left", "right"])
-    least = one_answer(asked, query="torques", lower=2.0, stop="numerical")
-    saved = of_jaws({"lower": 2.0, "upper": 2.0}, bounding=("a", least))
+    least = one_answer(asked, query="torques", lower=2.0, verdict="undecided", stop="numerical")
+    assert 2 * in_play(asked, 0.0) == pytest.approx(in_play(asked, 2.0)) == pytest.approx(2.0)
     part = Replay("certificate", "", "", {"motion_cap": cap})
     monkeypatch.setattr(holds.answers, "replay", lambda answer: Replay("torques", "", "", parts=(part,)))
-    if refused:
-        with pytest.raises(Refused, match=r"^a: it is proved for motions up to .* N only, not 10000 times the forces"):
-            holds._bounding(saved)
-    else:
-        assert holds._bounding(saved)[0].ok
+    for shown, saved in (
+        (holds._refuted, of_jaws({}, refuted=("a", least), command_limit=1.9)),
+        (holds._bounding, of_jaws({"lower": 2.0, "upper": 2.0}, bounding=("a", least))),
+    ):
+        if refused:
+            with pytest.raises(
+                Refused, match=r"^a: it is proved for motions up to .* N only, not 10000 times the forces"
+            ):
+                shown(saved)
+        else:
+            assert shown(saved)[0].ok
 
 
 def test_forces_that_balance_a_load_may_be_of_any_commands(monkeypatch: pytest.MonkeyPatch) -> None:
