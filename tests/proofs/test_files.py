@@ -308,6 +308,35 @@ def test_a_plan_is_of_holds_of_its_own_grasps_and_loads(written, tmp_path: Path)
         files.verify_path(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "place"),
+    [
+        ("preload", {"left": 0.5}, "plan.json.grasps[0].preload"),
+        ("preload", None, "plan.json.grasps[0].preload"),
+        ("contacts", 3, "plan.json.grasps[0].contacts"),
+        ("links", ["palm"], "plan.json.grasps[0].links"),
+        ("largest_command", {"actuator": "right", "value": 0.5, "unit": "N m"}, "plan.json.grasps[0].largest_command"),
+        ("configuration_file", "c.json", "c.json.preload"),
+    ],
+)
+def test_what_a_plan_repeats_of_a_grasp_is_what_it_has(
+    key: str, value: Any, place: str, written, tmp_path: Path
+) -> None:
+    made = planned(written)
+    own = made["g"]["preload"]
+    most = max(own, key=lambda name: abs(own[name]))
+    right = {"preload": own, "contacts": 2, "links": sorted({c["link"] for c in made["g"]["contacts"]})}
+    right |= {"largest_command": {"actuator": most, "value": own[most], "unit": "N m"}, "configuration_file": "d.json"}
+    configuration = {"schema": "handfast/configuration/1", "preload": own}
+    entry, plan = made["plan"]["grasps"][0], made["plan"]
+    written(json.dumps(configuration), "d.json")
+    written(json.dumps(configuration | {"preload": {"left": 0.5}}), "c.json")
+    written(json.dumps(plan | {"grasps": [entry | right]}), "plan.json")
+    assert files.verify_path(tmp_path).ok
+    written(json.dumps(plan | {"grasps": [entry | right | {key: value}]}), "plan.json")
+    assert files.verify_path(tmp_path).reason == f"a.json: {place} is not what g.json has"
+
+
 def test_a_grasp_is_in_a_plan_once(written, tmp_path: Path) -> None:
     """Not under another name either; with other commands it is another one."""
     made = planned(written)

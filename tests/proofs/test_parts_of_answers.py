@@ -278,17 +278,31 @@ def test_the_state_of_a_maximum_reaches_what_is_said(said: float, magnitude: flo
     assert found[2] is (ALONG if said else None)
     assert found[3] == pytest.approx(magnitude)
     assert found[4].tolist() == [0, 0]
-    w.wrench = w.wrench + np.eye(6)[0] * 1e-3
+    w.wrench = w.wrench + np.eye(6)[0] * 1e-3 if said else 4.0 * ALONG
     with pytest.raises(Refused, match="under another disturbance"):
         answers.Maximum().held(saved_one, w)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("magnitude", "fault"), [(None, ""), ((2.0, 2.1), ""), ((1.9, 2.1), "from a magnitude of 1.9 on")]
+    ("magnitude", "fault"),
+    [
+        (None, ""),
+        ((2.0, 2.0), ""),
+        ((2.0, 2.0 + 1.9e-6), ""),
+        ((2.0, 2.1), "at a magnitude of 2, not at 2"),
+        ((2.1, 2.1), "at a magnitude of 2.1, not at 2"),
+        ((1.9, 2.1), "from a magnitude of 1.9 on"),
+    ],
 )
-def test_the_magnitude_that_is_proved_is_no_less_than_said(magnitude: tuple[float, float] | None, fault: str) -> None:
-    found = Proved(True, False, "", 0.0, magnitude=magnitude)
-    said = answers.Maximum().held_fault(of_maximum(lower=2.0), None, found)  # type: ignore[arg-type]
+def test_the_magnitude_that_is_proved_is_what_is_said(
+    magnitude: tuple[float, float] | None, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No less, and that of the load which the witness is said to be under, but for a millionth of it."""
+    monkeypatch.setattr(answers, "size_of", lambda g, w: np.abs(w).max())
+    monkeypatch.setattr(answers, "load_scale", lambda g, w: np.abs(w).max())
+    monkeypatch.setattr(answers, "drives", lambda q: 0.5 * np.abs(ALONG).max())
+    found, w = Proved(True, False, "", 0.0, magnitude=magnitude), SimpleNamespace(wrench=2.0 * ALONG)
+    said = answers.Maximum().held_fault(of_maximum(lower=2.0), w, found)  # type: ignore[arg-type]
     assert said == (f"it is proved {fault}" if fault else "")
     assert answers.Maximum().least(of_maximum(lower=2.0)) == 2
     assert answers.Maximum().least(of_maximum()) == 0

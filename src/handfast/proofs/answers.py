@@ -33,6 +33,7 @@ from handfast.proofs.tolerance import (
     drives,
     farthest,
     in_play,
+    load_scale,
     motion_size,
     no_magnitude,
     size_of,
@@ -336,7 +337,7 @@ class Maximum(Query):
 
     def held(self, saved: SavedAnswer, w: SavedWitness) -> Held:
         base, along, lower = *line(saved), saved.number("lower") or 0.0
-        magnitude = max(float((w.wrench - base) @ along / (along @ along)), 0.0)  # that of the base load may be rounded
+        magnitude = 0.0 if saved.number("lower") == 0 else self._magnitude(saved, w)
         if not close(w.wrench, base + magnitude * along) or magnitude < lower:
             raise Refused("witness: it is a state under another disturbance")
         claim = f"{down(lower)} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"
@@ -345,10 +346,21 @@ class Maximum(Query):
     def least(self, saved: SavedAnswer) -> float:
         return saved.number("lower") or 0.0
 
+    def _magnitude(self, saved: SavedAnswer, w: SavedWitness) -> float:
+        """That of the load that a witness says it is under."""
+        base, along = line(saved)
+        return max(float((w.wrench - base) @ along / (along @ along)), 0.0)
+
     def held_fault(self, saved: SavedAnswer, w: SavedWitness, found: Proved) -> str:
-        if found.magnitude is None or found.reaches(self.least(saved)):
+        if found.magnitude is None:
             return ""
-        return f"it is proved from a magnitude of {found.magnitude[0]:.15g} on"
+        (low, high), said = found.magnitude, self._magnitude(saved, w)
+        if not found.reaches(self.least(saved)):
+            return f"it is proved from a magnitude of {low:.15g} on"
+        q, along = saved.question, line(saved)[1]
+        off = max(said - low, high - said) * size_of(q.grasp, along)
+        near = off <= FORCE_DEVIATION * max(load_scale(q.grasp, w.wrench), drives(q))
+        return "" if near else f"it is proved at a magnitude of {low:.9g}, not at {said:.9g}"
 
     def refuted(self, saved: SavedAnswer) -> Refuted | None:
         q, end = saved.question, self._end(saved)

@@ -113,8 +113,8 @@ def verify_path(path: str | Path) -> Replay:
 
 
 OF_PLAN = (
-    "that contacts and joints are those of the hand on the object, clearances, margins and scores in plan.json, what "
-    "became of other attempts, how many contacts are allowed"
+    "that contacts and joints are those of the hand on the object, clearances, margins, scores and what else plan.json "
+    "measures of grasps, what became of other attempts, how many contacts are allowed"
 )
 
 
@@ -153,10 +153,31 @@ def _planned(folder: Path, entry: Fields, loads: Mapping[str, Array], known: lis
         fault = f"it is about another grasp than {of_file}"
     elif any((grasp.command != check.question.grasp.command).any() for check in saved.checks.values()):
         fault = f"it is about another preload than that of {of_file}"
+    elif wrong := _told_otherwise(folder, entry, data, grasp):
+        fault = f"{wrong} is not what {of_file} has"
     elif any(grasp.same_but_commands(other) and (grasp.command == other.command).all() for other in known):
         fault = f"{of_file} is a grasp that the plan has before"
     known.append(grasp)
     return Replay(name, "", fault, parts=(proved,))
+
+
+def _told_otherwise(folder: Path, entry: Fields, data: Any, grasp: GraspData) -> str:
+    """What `plan.json`, or the file of the configuration, tells otherwise than the file (data) of the grasp; ""."""
+    preload = data.get("preload", {})
+    most = max(preload, key=lambda name: abs(preload[name]), default=None)
+    due = {"preload": preload, "contacts": grasp.m, "links": sorted({*grasp.links})}
+    due |= {"largest_command": {"actuator": most, "value": preload.get(most, 0.0)}}
+    for key, value in due.items():
+        said = entry.take(key, value)
+        if isinstance(value, Mapping) and isinstance(said, Mapping):
+            said = {name: x for name, x in said.items() if name != "unit"}
+        if not answers.alike(said, value, 0.0):
+            return entry.at(key)
+    if entry.has("configuration_file"):
+        name, configuration = _of_folder(folder, entry, "configuration_file", "handfast/configuration/1")
+        if not answers.alike(configuration.get("preload", preload), preload, 0.0):
+            return f"{name}.preload"
+    return ""
 
 
 def read_json(path: Path, place: str = "") -> Any:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,21 @@ import pytest
 from handfast import InputError, verify
 from handfast.core.answer import Stop
 from handfast.proofs.fields import BadFile
+from handfast.proofs.question import Range
 from handfast.proofs.replay import Replay
 from handfast.stability.problem.grasp_limits import AskedWith
 from handfast.stability.problem.settings import INF, Settings
-from handfast.stability.studies import ask_again
-from handfast.stability.studies.ask_again import NO_TIME, Asking, BoundsClaim, Clock, VerdictClaim, figures_of, together
+from handfast.stability.studies import ask_again, verify_maps
+from handfast.stability.studies.ask_again import (
+    NO_TIME,
+    Asking,
+    BoundsClaim,
+    Clock,
+    IntervalClaim,
+    VerdictClaim,
+    figures_of,
+    together,
+)
 from handfast.stability.studies.maps import sweep
 from handfast.stability.studies.questions import force_map, maximum
 from handfast.stability.studies.verify_maps import replay_map, replay_sweep
@@ -196,6 +207,44 @@ def test_a_bound_for_small_motions_counts_only_where_the_search_was_complete() -
         assert done.figures == {"leaves": 3, "motion_cap": 5.0, "tolerant": False}
     shown = together("curve", "maxima", [Replay("upper", "nothing above", figures=figures_of(capped))])
     assert shown.claim == "maxima: 1 claim, some up to virtual motions of 5 N"
+
+
+@pytest.mark.parametrize(
+    ("to", "holes", "unproved", "said"),
+    [
+        (0.0, [(0.0, 2.0)], [(5.0, 6.0)], ""),
+        (0.0, [(0.001, 1.999)], [(4.9, 6.1)], ""),
+        (0.0, [(0.02, 2.0)], [(5.0, 6.0)], r"has no hole at 0 to 2; asked again, nothing there is resisted"),
+        (0.0, [(0.0, 1.9)], [(5.0, 6.0)], "has no hole at 0 to 2; "),
+        (0.0, [], [(5.0, 6.0)], "has no hole at 0 to 2; "),
+        (0.0, [], [(0.0, 2.0), (5.0, 6.0)], ""),  # less is said than is shown
+        (0.0, [(0.0, 2.1)], [(5.0, 6.0)], r"has a hole at 0 to 2\.1; asked again, none is proved there"),
+        (11.0, [], [(5.0, 6.0)], r"is 11; asked again, nothing at 0 to 2 is resisted"),
+        (11.0, [(0.0, 2.0)], [(5.0, 6.0)], r"is 11; asked again, nothing at 0 to 2 is resisted"),
+        (0.0, [(0.0, 2.0)], [], "of 5 to 6 nothing is shown, which is not among what is unproved"),
+        (0.0, [(0.0, 2.0)], [(5.1, 6.0)], "of 5 to 6 nothing is shown"),
+    ],
+)
+def test_ranges_of_magnitudes_are_held_against_what_is_shown_of_them(
+    to: float, holes: list[Range], unproved: list[Range], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hole from 0 to 2 N, of a largest of 10,000 N: ends may be 10^-3 of the magnitude there off, or of 1 N."""
+    shown = SimpleNamespace(
+        holds_from_zero_to=0.0, holes=((0.0, 2.0),), unproved=((5.0, 6.0),), resolution=1e-3, interrupted=False
+    )
+    answer = SimpleNamespace(interval=shown, lower=1e4, upper=np.inf, question="of the answer", stop=Stop.COMPLETE)
+    monkeypatch.setattr(IntervalClaim, "settled_by", lambda *_, **__: (answer, Replay("max")))
+    monkeypatch.setattr(ask_again, "no_magnitude", lambda q: 1.0 if q == "of the answer" else None)
+    claim = IntervalClaim("here", pinch(), np.eye(6)[0], AskedWith(gap=1e-3), to, tuple(holes), tuple(unproved))
+    (done,) = claim.ask(Clock(1.0, np.inf, 1))
+    assert re.search(said, done.reason) if said else done.ok
+
+
+@pytest.mark.parametrize("ranges", [[[2.0, 1.0]], [[-1.0, 1.0]], [[1.0]], ["anything"]])
+def test_what_is_no_range_of_magnitudes(ranges: Any) -> None:
+    for key in ("holes", "unproved"):
+        with pytest.raises(BadFile, match=rf"^m\.{key}\[0\]: "):
+            verify_maps._ranges(ranges, f"m.{key}[0]")
 
 
 @pytest.mark.usefixtures("asked_once", "proved_once")

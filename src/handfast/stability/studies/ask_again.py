@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -23,8 +23,9 @@ from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
-from handfast.proofs.question import CHECK, Question
+from handfast.proofs.question import CHECK, Question, Range
 from handfast.proofs.replay import Figure, Replay
+from handfast.proofs.tolerance import no_magnitude
 from handfast.stability.answers import MaxAnswer
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.check_query import ask as check
@@ -262,10 +263,11 @@ class BoundsClaim(Claim):
 
 @dataclass(frozen=True, eq=False)
 class IntervalClaim(Claim):
-    """Which magnitudes below the largest are resisted: all up to `to`, none in the holes."""
+    """Which magnitudes below the largest are resisted: all up to `to`, none in holes, all that is not unproved."""
 
     to: float
-    holes: tuple[tuple[float, float], ...]
+    holes: tuple[Range, ...]
+    unproved: tuple[Range, ...]
 
     def ask(self, clock: Clock) -> tuple[Replay, ...]:
         answer, proof = self.settled_by(maximum, self.load, clock, interval=True)
@@ -281,8 +283,15 @@ class IntervalClaim(Claim):
         if self.to > answer.upper * (1 + CONTRADICTION_GAP):
             text = f"is {self.to:.9g}; asked again, nothing above {answer.upper:.9g} is resisted, which is proved"
             return (replace(told, refused=text),)
-        slack = shown.resolution * max(self.to, answer.lower)
-        within = max(self.gap * self.to, slack)
+        unit = min(no_magnitude(answer.question), answer.lower) if answer.question is not None else answer.lower
+
+        def slack(magnitude: float) -> float:
+            return shown.resolution * max(magnitude, unit)
+
+        def is_in(a: float, b: float, ranges: Iterable[Range]) -> bool:
+            return any(first <= a + slack(a) and last >= b - slack(b) for first, last in ranges)
+
+        within = max(self.gap * self.to, slack(self.to))
         for a, b in shown.holes:
             if a < self.to - within and b > 0:
                 text = f"is {self.to:.9g}; asked again, nothing at {a:.9g} to {b:.9g} is resisted, which is proved"
@@ -291,9 +300,17 @@ class IntervalClaim(Claim):
             text = f"asked again, everything up to {shown.holds_from_zero_to:.9g} is proved to be resisted"
             return (replace(told, undecided=text),)
         for a, b in self.holes:
-            if not any(first <= a + slack and last >= b - slack for first, last in shown.holes):
+            if not is_in(a, b, shown.holes):
                 text = f"has a hole at {a:.9g} to {b:.9g}; asked again, none is proved there"
                 return (replace(told, refused=text),)
+        for a, b in shown.holes:
+            if b - a > slack(a) + slack(b) and not is_in(a, b, [*self.holes, *self.unproved]):
+                text = f"has no hole at {a:.9g} to {b:.9g}; asked again, nothing there is resisted, which is proved"
+                return (replace(told, refused=text),)
+        for a, b in shown.unproved:
+            if not is_in(a, b, self.unproved):
+                text = f"asked again, of {a:.9g} to {b:.9g} nothing is shown, which is not among what is unproved"
+                return (replace(told, undecided=text),)
         return (told,)
 
 

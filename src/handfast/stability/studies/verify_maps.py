@@ -16,6 +16,7 @@ from handfast.proofs import path_steps
 from handfast.proofs.answers import VERDICTS
 from handfast.proofs.constants import MAX_ETA
 from handfast.proofs.fields import EQUALITY_TOLERANCE, BadFile, Fields, number, numbers
+from handfast.proofs.question import Range
 from handfast.proofs.replay import SEARCH_STOPS, Replay
 from handfast.readers import grasp_file
 from handfast.stability.problem.grasp_limits import AskedWith, GraspLimits
@@ -154,10 +155,10 @@ def replay_sweep(data: Any, how: Asking) -> Replay:
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """A curve: its cells, and (to, holes) of each where they were asked."""
+    """A curve: its cells, and (to, holes, unproved) of each where they were asked."""
 
     cells: list[Cell]
-    intervals: list[tuple[float, tuple[tuple[float, float], ...]]]
+    intervals: list[tuple[float, tuple[Range, ...], tuple[Range, ...]]]
 
 
 def _header(data: Any, query: str) -> tuple[Fields, Verdict]:
@@ -203,16 +204,24 @@ def _curve(f: Fields, n: int) -> _Told:
     cells = [
         _cell(f"{f.place}.", f"{{}}[{k}]", lower[k], upper[k], unbounded[k], Verdict(verdicts[k])) for k in range(n)
     ]
-    intervals: list[tuple[float, tuple[tuple[float, float], ...]]] = []
+    intervals: list[tuple[float, tuple[Range, ...], tuple[Range, ...]]] = []
     if any(f.has(key) for key in OF_INTERVALS):
         to, holes = _column(f, "holds_from_zero_to", n), _column(f, "holes", n)
-        _column(f, "unproved", n)
+        unproved = _column(f, "unproved", n)
         for k in range(n):
-            pairs = numbers(holes[k], (-1, 2), f.at(f"holes[{k}]")).tolist()
             first = number(to[k], f.at(f"holds_from_zero_to[{k}]"), 0.0)
-            intervals.append((first, tuple((a, b) for a, b in pairs)))
+            slips, left = (_ranges(x[k], f.at(f"{key}[{k}]")) for key, x in (("holes", holes), ("unproved", unproved)))
+            intervals.append((first, slips, left))
     f.done()
     return _Told(cells, intervals)
+
+
+def _ranges(data: Any, place: str) -> tuple[Range, ...]:
+    out = tuple((a, b) for a, b in numbers(data, (-1, 2), place).tolist())
+    for a, b in out:
+        if not 0 <= a <= b:
+            raise BadFile(f"has {a:g} to {b:g}; magnitudes are needed, the smaller one first", place)
+    return out
 
 
 def _column(f: Fields, name: str, n: int) -> list[Any]:
@@ -247,7 +256,7 @@ def _asked(query: str, parts: Sequence[_Part], terms: AskedWith, faults: list[Re
                 wrong[i].append(contradiction)
                 continue
             of.append(cell.claim(grasp, load, terms))
-            if told.intervals and (told.intervals[k][0] > 0 or told.intervals[k][1]):
+            if told.intervals:
                 of.append(IntervalClaim(cell.at("holds_from_zero_to"), grasp, load, terms, *told.intervals[k]))
         claims += of
         owner += [i] * len(of)
