@@ -345,6 +345,15 @@ def test_a_grasp_is_in_a_plan_once(written, tmp_path: Path) -> None:
     assert files.verify_path(tmp_path).reason == "b.json: h.json is a grasp that the plan has before"
     planned(written, plan=made["plan"] | {"others": made["plan"]["grasps"]})
     assert files.verify_path(tmp_path).reason == "a.json: g.json is a grasp that the plan has before"
+    contacts = made["g"]["contacts"][::-1]  # in another order as well
+    joints = [j | {"moves": [len(contacts) - 1 - k for k in j["moves"]]} for j in made["g"]["joints"]]
+    turned = made["g"] | {"contacts": contacts, "joints": joints}
+    one, other = read_grasp(made["g"], "g"), read_grasp(turned, "g")
+    assert not one.same_but_commands(other)
+    assert files._parts_of(one) == files._parts_of(other)
+    assert files._parts_of(one) != files._parts_of(other.with_command(2 * other.command))
+    moved = [made["g"]["contacts"][0] | {"position": [0.0, 0.0, 1.0]}, *made["g"]["contacts"][1:]]
+    assert files._parts_of(one) != files._parts_of(read_grasp(made["g"] | {"contacts": moved}, "g"))
     names = {"hold_file": "a.json", "grasp_file": "g.json"}
     grasp, loads = read_grasp(made["g"], "g"), {name: np.array(w) for name, w in PLAN_LOADS.items()}
     for times, again in ((2.0, False), (1.0, True)):

@@ -22,7 +22,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.checker import verify
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.existence import prove
-from handfast.proofs.fields import Array, rational, rationals
+from handfast.proofs.fields import Array, BadFile, rational, rationals
 from handfast.proofs.grasp import GraspData, StartData, read_grasp
 from handfast.proofs.joint_laws import Equivalent, equivalent_of
 from handfast.proofs.kinds import Row
@@ -32,6 +32,7 @@ from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.stability.problem import equivalent_grasp
 from tests.support.law_grasps import curled, jaw, random_law_grasp
+from tests.support.refused import refused
 
 INF = np.inf
 Actuators = Mapping[str, tuple[list[float], Mapping[str, bool]]]
@@ -347,9 +348,14 @@ def test_a_backdrivable_motor_without_command_drives_nothing() -> None:
     assert (e.kept.tolist(), e.drives, e.held.tolist()) == ([], False, [False])
 
 
-def test_the_torque_of_a_backdrivable_motor_is_given_beside_what_is_sought() -> None:
-    g = grasp([{}], {"a": ([1], {}), "b": ([2], {"backdrivable": True})}, {"b": 3})
-    assert equivalent_of(g, np.array([True, False]), ()).torque.tolist() == [6]
+def test_a_backdrivable_motor_cannot_be_sought() -> None:
+    back = {"backdrivable": True}
+    g = grasp([{}], {"a": ([1], {}), "b": ([2], back), "c": ([1], back)}, {"b": 3})
+    problem = "has '{}', which is backdrivable: its command is given, not sought"
+    for sought, name in [([True, True, True], "b"), ([False, False, True], "c")]:
+        with refused(problem.format(name), "driven"):
+            equivalent_of(g, np.array(sought), ())
+    assert equivalent_of(g, np.array([True, False, False]), ()).torque.tolist() == [6]
 
 
 @pytest.mark.parametrize(
@@ -561,10 +567,12 @@ def test_the_search_has_the_same() -> None:
     assert (seen > 20).all()
 
 
-def test_a_backdrivable_motor_is_not_sought() -> None:
+def test_both_refuse_a_backdrivable_motor_that_is_sought() -> None:
     g = jaw(Mechanism(("motor",), np.eye(1), np.zeros((0, 1)), (False,), (True,)))
     with pytest.raises(InputError, match="is backdrivable: its command is given, not sought"):
         equivalent_grasp.equivalent_of(g, np.array([True]), ())
+    with pytest.raises(BadFile, match="is backdrivable: its command is given, not sought"):
+        equivalent_of(read_grasp(to_dict(g), "g"), np.array([True]), ())
 
 
 # --- against the laws themselves: at each motion, the same torques

@@ -17,7 +17,7 @@ from handfast import Settings, load_grasp, maximum
 from handfast.proofs import leaves
 from handfast.proofs.cases import HALF_TURN
 from handfast.proofs.certificate import Certificate
-from handfast.proofs.checker import verify
+from handfast.proofs.checker import checked_rows, verify
 from handfast.proofs.equations import ENTRY_ROUNDING, RightSide, equations_of
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.grasp import StartData
@@ -35,7 +35,7 @@ from handfast.proofs.leaves import (
     exact_margin,
     in_time,
 )
-from handfast.proofs.question import LARGEST_GOAL
+from handfast.proofs.question import CHECK, LARGEST_GOAL, read_question
 from handfast.proofs.rows import LeafRows, row_values, zeros
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
 from tests.support.proof_states import contact, pinch, question, unit
@@ -1398,3 +1398,54 @@ def test_rounding_is_that_of_as_many_terms_as_any_leaf_has() -> None:
     found = walls_of([5, 1, 3])
     terms = 5 + sum(found.E.shape) + len(found.equations.Z)
     assert found.error == ENTRY_ROUNDING + 4 * terms * UNIT_ROUNDOFF
+
+
+# --- joints that something acts on, with a motor of their own
+
+
+def with_idle_springs(seed: int) -> Certificate:
+    """No cases and no rows: of a load that contact forces balance, beside joints that move nothing.
+
+    Springs of 1 N m turn these, and motors of their own hold them. One motor drives two others.
+    """
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(3, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    force = -normals + 0.3 * np.cross(normals, rng.normal(size=(3, 3)))
+    w = np.concatenate([-force.sum(axis=0), -np.cross(0.03 * normals, force).sum(axis=0)])
+    spots = zip((0.03 * normals).tolist(), normals.tolist(), strict=True)
+    contacts = [{"position": p, "normal": n, "friction": 0.5, "link": ""} for p, n in spots]
+    turning = {"type": "revolute", "axis": [0, 0, 1.0], "origin": [0.1, 0.2, 0]}
+    idle = [{"name": f"x{k}", "moves": [], "torque": 1.0} | turning for k in range(2)]
+    driven = [{"name": f"j{k}", "moves": [k]} | turning | {"axis": np.eye(3)[k].tolist()} for k in range(2)]
+    motors = [{"name": f"mx{k}", "joints": {f"x{k}": 1.0}, "tendon": False} for k in range(2)]
+    motors.append({"name": "drive", "joints": {"j0": 1.0, "j1": 2.0}, "tendon": False})
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts, "joints": idle + driven}
+    grasp |= {"mechanism": {"actuators": motors, "couplings": []}}
+    return Certificate.of_root(read_question({"grasp": grasp, "goal": CHECK, "wrench": w.tolist()}, "q"), None)
+
+
+def test_a_motor_takes_what_acts_on_its_joint_whatever_rounding_says_of_it() -> None:
+    """The load is balanced: nothing contradicts itself."""
+    for seed in range(60):
+        done = verify(with_idle_springs(seed))
+        assert not done.ok or (done.cap is not None and done.cap < 1.0), seed  # [N]; forces of 1 N press
+
+
+def test_multipliers_of_what_nothing_looks_at_prove_nothing() -> None:
+    """1e-17 at the equation of an idle joint, times its torque, is more than 0, but its motor takes the torque."""
+    c = with_idle_springs(0)
+    q = equations_of(c.question)
+    cases = np.zeros((1, c.question.grasp.m + c.question.actuators, 3), dtype=np.int64)
+    side = RightSide.of(c.question, None, len(q.E))
+    found = LeafSystems(q, side, checked_rows(c, cases, np.arange(1)), np.inf)
+    found._begin()
+    rows, efforts = q.solved
+    assert len(rows) == 2
+    found.v[:], found.basis_E[:], found.columns[:] = 0.0, False, False
+    for sense in (1.0, -1.0):
+        found.v[0, rows[0]] = sense * 1e-17
+        assert exact_margin(found, 0) == leaves.UNBOUNDED_RANGE
+    found._use(np.full((1, len(q.E)), 1e-3))
+    assert (found.v[0, rows] == 0).all()
+    assert not found.alive[0, efforts].any()

@@ -391,6 +391,10 @@ def test_what_a_bound_on_commands_has_to_be_shown_for(said: dict[str, Any], need
             answers.Torques().refuted(of_torques(**said))
     else:
         assert answers.Torques().refuted(of_torques(**said)) == need
+    back = of_torques(**said)
+    back.question.sought = mask(1, 1, 1)
+    with pytest.raises(Refused, match=r"^a backdrivable motor is sought: its command is given$"):
+        answers.Torques().refuted(back)
     other = of_torques(**said)
     other.question.goal = "check"  # type: ignore[misc]
     with pytest.raises(Refused, match=r"^is of torques, its question of 'check'$"):

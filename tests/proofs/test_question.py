@@ -363,5 +363,5 @@ def test_uncertain_normals() -> None:
 
 
 def test_a_backdrivable_motor_is_not_sought() -> None:
-    with refused("has 'back', which is backdrivable: its command is given, not sought", "question.driven"):
-        question(TORQUES, driven=["push", "back"])
+    with refused("has 'back', which is backdrivable: its command is given, not sought", "driven"):
+        _ = question(TORQUES, driven=["push", "back"]).equivalent

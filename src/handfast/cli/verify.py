@@ -105,7 +105,7 @@ def head(data: Mapping[str, Any]) -> str:
     if is_asked_again(data):
         return f"asked again: {_head_again(data)}{said}"
     if data.get("query") == "plan":
-        return f"plan: {words.count(len(data['grasps']), 'grasp')}"
+        return f"plan: {words.count(len(data.get('grasps', [])), 'grasp')}"
     if "task" in data:
         task = task_from_dict(data["task"])
         return f"{'synthesis' if 'grasps' not in data else 'grasps'} of {task.name or task.hand.name}{said}"

@@ -470,6 +470,8 @@ class Torques(Query):
         q, lower, upper = saved.question, saved.number("lower"), saved.number("upper")
         if q.goal != TORQUES:
             raise Refused(f"is of torques, its question of '{q.goal}'")
+        if (q.sought & q.grasp.backdrivable).any():
+            raise Refused("a backdrivable motor is sought: its command is given")
         if saved.said["verdict"] == "slips":
             if lower is not None or upper is not None:
                 raise Refused("SLIPS with bounds")

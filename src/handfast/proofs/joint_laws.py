@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import fmpq
 
-from handfast.proofs.fields import Array, Integers, Mask, dot, not_zero, rational, rationals
+from handfast.proofs.fields import Array, BadFile, Integers, Mask, dot, not_zero, rational, rationals
 from handfast.proofs.grasp import GraspData
 
 
@@ -64,11 +64,17 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
 
     Args:
         g: with its commands.
-        sought: (a,) bool, actuators whose commands are sought, in the sense of the grasp's, none that is backdrivable;
-            the others that are not are then locked. None if none are.
+        sought: (a,) bool, actuators whose commands are sought, in the sense of the grasp's; the others that are not
+            backdrivable are then locked. None if none are.
         limited: names of actuators with a largest force.
+
+    Raises:
+        BadFile: a backdrivable motor whose command is sought.
     """
     back = g.backdrivable
+    if sought is not None and (sought & back).any():
+        name = g.actuators[int(np.flatnonzero(sought & back)[0])]
+        raise BadFile(f"has '{name}', which is backdrivable: its command is given, not sought", "driven")
     command = g.command if sought is None else np.where(sought | back, g.command, 0.0)
     kept, drives = np.flatnonzero(~back), bool(g.torque.any() or g.command[back].any())
     if not g.has_laws:

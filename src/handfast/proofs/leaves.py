@@ -151,7 +151,12 @@ class LeafSystems:
         self._use(self.stated_v, WEIGHT_CUTOFFS[0])
 
     def _use(self, v: Array, negligible: float = WEIGHT_CUTOFFS[1]) -> None:
-        """Take v (L, p) as the multipliers of equalities, and those that are not negligible as what is used."""
+        """Take v (L, p) as the multipliers of equalities, and those that are not negligible as what is used.
+
+        What it says of those that are `solved` is rounding: theirs follow from the rows.
+        """
+        v = v.copy()
+        v[:, self.equations.solved[0]] = 0.0
         closed, size = ~self.rows.zero, np.abs(v)
         E_touches = self.E_touches.astype(float)
         self.top = np.maximum(self._top(self.stated), size.max(axis=1, initial=0.0))
@@ -677,6 +682,9 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     basis_E, chosen, alive = s.basis_E[leaf].copy(), s.columns[leaf].copy(), s.alive[leaf].copy()
     basis_E[solved], chosen[at], alive[at] = True, True, True
     ties = np.flatnonzero((s.v[leaf] != 0) | basis_E)
+    known = (q.E_size[ties] > 0).any(axis=0) | (s.rows.value[row, : len(alive)] != 0).any(axis=0)
+    if (known & ~s.rows.zero[leaf] & ~(chosen | alive)).any():
+        return UNBOUNDED_RANGE  # what is not looked at need not cancel
     y, v = s.y[own] / s.unit[row], s.v[leaf, ties] / q.unit[ties]
     in_basis = np.concatenate([s.basis[own], basis_E[ties]])
     basis, others = np.flatnonzero(in_basis).tolist(), np.flatnonzero(~in_basis).tolist()

@@ -3,7 +3,7 @@
 A `handfast/path/1` file holds the question, the answer, and a chain of steps. State 0 is one of the commands alone.
 Each step after it has a larger multiple of the load, the state that it starts from (`start.Start`), and a state of its
 own, proved as the witness of any answer is (`existence.prove`). What a step starts from is where the state before came
-to, but for 1e-9 of the load: so each step is exact from the numbers that the step before wrote down. Where the path
+to, but for rounding: so each step is exact from the numbers that the step before wrote down. Where the path
 ends there is a certificate: from the last state no state exists at the next multiple. That is a proof about this path,
 not about all ways in which a hand may come to its load.
 """

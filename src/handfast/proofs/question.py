@@ -197,8 +197,6 @@ def read_question(data: Any, place: str) -> Question:
     driven = f.texts("driven", ())
     for name in driven:
         refuse_unknown(name, g.actuators, "actuator", f.at("driven"))
-        if g.backdrivable[g.actuators.index(name)]:
-            raise BadFile(f"has '{name}', which is backdrivable: its command is given, not sought", f.at("driven"))
     if len(set(driven)) < len(driven) or (driven and goal != TORQUES):
         raise BadFile("is for the goal 'torques', each actuator once", f.at("driven"))
     if f.has("from"):

@@ -203,7 +203,12 @@ def measured_plan(folder: Path) -> Replay:
         numbers = validate(NumbersEntry, {key: plan[key] for key in NumbersEntry.model_fields if key in plan})
     except InputError as fault:
         raise fault.at(str(folder / "plan.json")) from None
-    for entry in (*plan["grasps"], *plan["others"]):
+    if plan.get("query") != "plan":
+        raise InputError(f"is {plan.get('query')!r}; 'plan' is needed", field="query", source=str(folder / "plan.json"))
+    for entry in (*plan.get("grasps", []), *plan.get("others", [])):
+        if "configuration_file" not in entry:
+            where = f"{entry['grasp_file']}.configuration_file"
+            raise InputError("is missing; the grasp is measured at it", field=where, source=str(folder / "plan.json"))
         place = load_configuration(folder / entry["configuration_file"])
         if place.hand is None or place.object is None:
             raise InputError("names no hand or no object", source=str(folder / entry["configuration_file"]))
