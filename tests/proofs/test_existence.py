@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import fields, replace
 from decimal import Decimal, localcontext
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -668,8 +669,49 @@ def test_by_how_much_every_inequality_is_kept_by_hand():
     assert again["is not proved to close"][1].tolist() == [True, False, False, False]
     assert again["is not proved to open"][1].tolist() == [False, True, False, False]
     assert again["is not proved to stay off its stop"][1].tolist() == [False, True, False, False]
-    phi[9], phi_off[9] = -3.0, 0.02
-    assert {fault: x for _, fault, x, _ in slacks(p, modes, box)}["is not proved to carry its command"][0] == 0
+
+    def beyond(box: Box) -> float:
+        return float({fault: x for _, fault, x, _ in slacks(p, modes, box)}["is not proved to carry its command"][0])
+
+    phi[9] = -3.0  # its command: given, or the middle of what it may be
+    assert beyond(box) == 0
+    phi_off[9] = 0.02
+    assert beyond(box) == pytest.approx(-0.02 * 4)
+    assert beyond(replace(box, carried=np.array([1e-20, 0.0]))) == 4e-20  # more digits tell
+
+
+ONE_FINGER = [[0, 0, 0], [0, 0.05, 0], [0, -0.05, 0.05]]
+
+
+def pushed(load: float, **of_hand: Any) -> tuple[Problem, State]:
+    """A slide pushes an object along x at three contacts without friction; a load at the first pushes back.
+
+    What is said: the motor carries what is asked of it, the command or 0, and the other contacts are open.
+    """
+    contacts = [{"position": p, "normal": [1, 0, 0], "friction": 0, "link": "a"} for p in ONE_FINGER]
+    slide = {"name": "j", "axis": [1, 0, 0], "origin": [0, 0, 0], "moves": [0, 1, 2], "type": "prismatic"}
+    grasp = {"schema": "handfast/grasp/1", "contacts": contacts, "joints": [slide | of_hand.pop("joint", {})]} | of_hand
+    q = read_question({"grasp": grasp, "goal": "check", "wrench": [-load, 0, 0, 0, 0, 0]}, "q")
+    forces = np.array([load] + [0.0] * 8), q.grasp.command.copy()
+    x = State(np.array([-load, 0, 0, 0, 40, -20]), np.zeros(1), *forces, np.zeros(0), np.zeros(1), np.zeros(3))
+    return Problem.of(q, q.grasp.command, q.wrench), x
+
+
+@pytest.mark.parametrize("short", [1e-8, 9e-7, -1e-8, -9e-7])
+def test_a_motor_carries_its_command_and_not_nearly(short: float) -> None:
+    """Of 1 N: under a load that is a millionth less its worm goes on, though a file says that it carries 1 N."""
+    p, x = pushed(1.0 - short, preload={"j": 1.0})
+    found = prove(p, x)
+    assert (found.exact, found.tolerant) == (short < 0, False)
+
+
+@pytest.mark.parametrize("short", [1e-8, 9e-7, -1e-8, -9e-7])
+def test_a_tendon_that_nobody_pulls_pushes_not_even_a_little(short: float) -> None:
+    """Beside a spring of 1 N."""
+    tendon = {"actuators": [{"name": "T", "joints": {"j": 1.0}, "tendon": True}], "couplings": []}
+    p, x = pushed(1.0 - short, joint={"torque": 1.0}, mechanism=tendon)
+    found = prove(p, x)
+    assert (found.exact, found.tolerant) == (short < 0, False)
 
 
 @pytest.mark.parametrize(

@@ -365,7 +365,9 @@ def test_loads_that_no_forces_balance_up_to_a_cap(monkeypatch: pytest.MonkeyPatc
     saved = holds.SavedHold(q, {"turn": q.wrench}, np.inf, {}, {}, None, ("turn", None), {})
     done = holds._unbalanced(saved, "turn")
     assert done.ok
-    assert re.fullmatch(r"no forces at the contacts balance turn, up to virtual motions of \d\.\d+e\+16 N", done.claim)
+    assert re.fullmatch(
+        r"no forces .* balance turn and what acts on the joints, up to virtual motions of \d\.\d+e\+16 N", done.claim
+    )
     monkeypatch.setattr(holds.answers, "COMPLETE_CAP", 1e20)
     assert "it is proved for motions up to" in holds._unbalanced(saved, "turn").reason
 
@@ -467,6 +469,8 @@ def test_what_a_file_says_slips() -> None:
     done = holds.replay(claims({"verdict": "slips"}, refuted=("b", pulled()), along=True))
     assert (done.reason, done.claim) == (f"answer: b: {together}", "no preload holds b")
     assert holds.replay(claims({"verdict": "slips"})).claim == "no preload holds some load"
+    limited = replace(claims({"verdict": "slips"}), command_limit=0.5)
+    assert holds.replay(limited).claim == "no preload holds some load with commands up to 0.5"
 
 
 def test_no_commands_at_all_are_a_preload() -> None:

@@ -11,7 +11,7 @@ from flint import arb, arb_mat, ctx
 
 from handfast.proofs.fields import Array
 from handfast.proofs.newton import BITS, NEWTON_ROUNDS, Box, System
-from handfast.proofs.states import Numbers
+from handfast.proofs.states import Numbers, sense
 from handfast.proofs.tolerance import UNIT_ROUNDOFF
 
 number: Numbers = np.frompyfunc(arb, 1, 1)
@@ -100,7 +100,8 @@ class Balls:
         rows, motion, (mid, off), forces = s.of_modes.rows, _floats(x[: len(s.v)]), _floats(d), _floats(phi)
         (shift,), (shift_off,) = _floats(x[-1:]) if s.sought else _floats(number([s.p.magnitude]))
         mid, off = np.where(rows.held, rows.at, mid), np.where(rows.held, 2 * UNIT_ROUNDOFF * np.abs(rows.at), off)
-        return Box(*motion, mid, off, *forces, shift, shift_off)
+        beyond, beyond_off = _floats((phi[s.p.grasp.parts[2]] - number(s.p.command)) * number(sense(s.p)))
+        return Box(*motion, mid, off, *forces, shift, shift_off, beyond - beyond_off)
 
     def _contained(self, x: Array) -> Array:
         """Balls about x that Newton's test keeps. Raises `NotShown`."""

@@ -266,7 +266,9 @@ def slacks(p: Problem, modes: Modes, box: Box) -> list[tuple[str, str, Array, Ma
     arms = p.grasp.row_units
     f, t = box.phi[..., actuators], box.d[..., actuators] * sense(p)
     f_off = box.phi_off[actuators] + 4 * UNIT_ROUNDOFF * np.abs(f)
-    beyond = sense(p) * (f - p.command) - (f_off + 4 * UNIT_ROUNDOFF * np.abs(p.command)) * (f != p.command)
+    loose = (f != p.command) | (box.phi_off[actuators] > 0)  # else it is the command itself
+    beyond = sense(p) * (f - p.command) - (f_off + 4 * UNIT_ROUNDOFF * np.abs(p.command)) * loose
+    beyond = beyond if box.carried is None else box.carried
     turns = t - box.d_off[actuators]
     turns = np.where(g.slack != 0, (turns + g.slack) - 4 * UNIT_ROUNDOFF * (np.abs(t) + g.slack), turns)
     commanded = (g.command != 0) | g.tendon

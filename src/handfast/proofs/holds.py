@@ -3,7 +3,7 @@
 HOLDS needs a `check` of every load under the preload, a lower bound of the largest command the `torques` of one load.
 A margin is the `max` of a load under the preload. Where the loads come after the commands both are paths, and no
 commands are claimed to be the least. SLIPS needs a load that no commands resist, or none within the limit
-of commands; or one that no forces at the contacts balance, whatever they are.
+of commands; or one that no forces at the contacts and of the motors balance, whatever they are.
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ def _replayed(answer: SavedAnswer, name: str) -> Replay:
 def _claim(saved: SavedHold) -> str:
     verdict, loads = saved.said.get("verdict"), f"{len(saved.loads)} loads"
     if verdict == "slips":
-        return f"no preload holds {saved.refuted[0] if saved.refuted else 'some load'}"
+        limit = f" with commands up to {down(saved.command_limit)}" if np.isfinite(saved.command_limit) else ""
+        return f"no preload holds {saved.refuted[0] if saved.refuted else 'some load'}{limit}"
     when = ", on the path of each" if saved.along else ""
     return f"one preload holds {loads}{when}" if verdict == "holds" else ""
 
@@ -260,10 +261,10 @@ def _reaching(name: str, answer: SavedAnswer) -> Replay:
 
 
 def _unbalanced(saved: SavedHold, name: str) -> Replay:
-    """That no forces at the contacts balance a load: the equations (1) contradict themselves."""
+    """That no forces balance a load: the equations (1) and (2) contradict themselves."""
     q = replace(saved.question, wrench=saved.loads[name])
     found = checker.verify(Certificate.of_root(q, (0.0, np.inf)))
-    claim = f"no forces at the contacts balance {name}"
+    claim = f"no forces at the contacts and of the motors balance {name} and what acts on the joints"
     reason = "forces at the contacts may balance it" if found.reason else ""
     if found.cap is not None and not reason:
         claim += f", up to virtual motions of {down(found.cap)} N"

@@ -42,7 +42,10 @@ class NotShown(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Motions v (6 + l,), d (N + 1,) and forces phi (N + 1,) of all rows, and the magnitude, each with a radius."""
+    """Motions v (6 + l,), d (N + 1,) and forces phi (N + 1,) of all rows, and the magnitude, each with a radius.
+
+    carried: (a,) what each actuator carries beyond its command at least, where more digits than floats' tell.
+    """
 
     v: Array
     v_off: Array
@@ -52,6 +55,7 @@ class Box:
     phi_off: Array
     magnitude: float = 0.0
     magnitude_off: float = 0.0
+    carried: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
