@@ -85,6 +85,21 @@ def test_a_contact_that_leans_keeps_the_ratio_of_its_printed_force_within_its_fr
     assert not laws.K[0, :, 1:].any()
 
 
+def test_a_contact_that_leans_without_a_force_has_no_friction() -> None:
+    """Its ratio is 0 over 0, or over less."""
+    g, modes = (
+        Grasp([Contact([0, 0, 0], [1, 0, 0], 0.3)]),
+        Modes(np.array([Kind.LEANS]), np.zeros(1, dtype=bool), NONE, NONE),
+    )
+    p = problem(g, [1.0, 0, 0, 0, 0, 0], mdp=False)
+    for normal in (0.0, -1e-9):
+        phi = np.zeros(len(p.grasp.rows[0]))
+        phi[0] = normal
+        laws = Laws.of(p, modes, np.full(len(phi), -1.0), phi)
+        assert laws.lean.tolist() == [[0.0] * 3]
+        assert laws.force[0, 1:].tolist() == [0.0] * 3
+
+
 def test_forces_are_rounded_by_all_that_they_are_sums_of() -> None:
     """16 roundings of a gap of 0.5, of d_n = -9, of 0.6 of d_t = (3, -4), and of forces that add up to 7."""
     p = replace(every_law((0.5, 0.0, 0.0)), cos=0.8, sin=0.6)

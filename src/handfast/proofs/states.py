@@ -412,7 +412,8 @@ class Laws:
         lean = np.zeros((n, 3))
         for k in np.flatnonzero(kinds == ContactMode.LEANS):
             c, mu = phi[rows[k]], p.grasp.mu[closed[k]]
-            lean[k] = c[1:] / max(c[0], np.sqrt(c[1:] @ c[1:]) / mu) * (1 - 1e-12)
+            size = max(c[0], np.sqrt(c[1:] @ c[1:]) / mu)
+            lean[k] = c[1:] / size * (1 - 1e-12) if size > 0 else 0.0
         cos, sin, gaps, by_speed, leans = (number(x) for x in (p.cos, p.sin, p.grasp.gaps[closed], rub, lean))
         u, speed, normal = number(np.zeros((n, 3))), np.full(n, np.inf, D.dtype), -(gaps + cos * D[:, 0])
         if len(turns):
