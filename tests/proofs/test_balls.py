@@ -37,7 +37,8 @@ def roots(
         unknown=[], at=at, derivative=derivative,
         rows=SimpleNamespace(held=np.zeros(n, dtype=bool), at=np.zeros(n)),
     )  # fmt: skip
-    p = SimpleNamespace(grasp=SimpleNamespace(exact_table=np.eye(n)), along=None, magnitude=x[-1] if sought else 7.0)
+    g = SimpleNamespace(exact_table=np.eye(n), parts=(None, None, slice(0, 1)), command=np.array([18**0.5]))
+    p = SimpleNamespace(grasp=g, command=g.command, along=None, magnitude=x[-1] if sought else 7.0)
     return SimpleNamespace(
         p=p, of_modes=of_modes, v=x[: n - sought], phi=np.zeros(n), value=x, used=slice(None), units=np.array(units),
         inverse=np.diag(0.5 / x if inverse is None else inverse), sought=sought,
@@ -72,6 +73,19 @@ def test_a_box_holds_the_root_and_little_more(inverse: list[float] | None, sough
     assert (v[0], phi[0]) == (pytest.approx(2**0.5, rel=1e-15), pytest.approx(3 * 2**0.5, rel=1e-15))
     assert magnitude == pytest.approx(3**0.5 if sought else 7.0, rel=1e-15)
     assert box.magnitude == magnitude
+
+
+def test_what_a_motor_carries_beyond_its_command_is_told_by_more_digits_than_floats_have() -> None:
+    """3 times the root of 2, which is no float: the one before it is less, the one after it more."""
+    near = 18**0.5
+    for command in (near, np.nextafter(near, 0), np.nextafter(near, 9)):
+        s = roots([1.5], [2.0])
+        s.p.command = s.p.grasp.command = np.array([command])
+        (beyond,) = balls.refined(s).carried
+        assert (beyond > 0) == (Fraction(float(command)) ** 2 < 18)
+        assert 0 < abs(beyond) < 2e-15
+    s.p.command = s.p.grasp.command = np.array([-near])  # in the other sense it carries much less
+    assert balls.refined(s).carried == pytest.approx([-2 * near])
 
 
 def test_a_box_is_as_wide_as_newtons_test_needs() -> None:
