@@ -256,7 +256,7 @@ def _asked(query: str, parts: Sequence[_Part], terms: AskedWith, faults: list[Re
                 wrong[i].append(contradiction)
                 continue
             of.append(cell.claim(grasp, load, terms))
-            if told.intervals:
+            if told.intervals and (cell.due is Verdict.HOLDS or any(told.intervals[k])):
                 of.append(IntervalClaim(cell.at("holds_from_zero_to"), grasp, load, terms, *told.intervals[k]))
         claims += of
         owner += [i] * len(of)
