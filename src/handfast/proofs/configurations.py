@@ -175,12 +175,12 @@ def solution(equations: ContactEquations, proof: Existence, at: Values) -> Inter
     return Interval(ends)
 
 
-def farther(equations: ContactEquations, proof: Existence, at: Values) -> str:
-    """What of the exact configuration is not that of the floats, but for rounding; '' if all is. at: as for `solution`.
+def farther(equations: ContactEquations, x: Interval, at: Values) -> str:
+    """What of the exact configuration, of `solution` x, is not that of the floats, but for rounding; '' if all is.
 
     Of a contact's coordinates those that are bounded count, and are told with what is left to their bounds.
     """
-    task, there, bounds = equations.task, equations.at(solution(equations, proof, at)), Bounds.of(equations)
+    task, there, bounds = equations.task, equations.at(x), Bounds.of(equations)
     of_joints = np.array([task.tolerance(j) for j in equations.sides.drive.joints])
     size = task.size * EQUALITY_TOLERANCE
     own = [re.match(r"contact:\d+:.$", label) is not None for label in bounds.labels]

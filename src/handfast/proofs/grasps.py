@@ -276,8 +276,9 @@ def _grasp(
     parts, refused = [exists], task.misplaced(joints, existence.joints)
     off = [np.zeros(grasp.m), np.zeros(grasp.m)]
     if at is not None and exists.ok and not refused:
-        refused, *off = _elsewhere(grasp, joints, equations, solution(equations, existence, at))
-        refused = refused or farther(equations, existence, at)
+        x = solution(equations, existence, at)
+        refused, *off = _elsewhere(grasp, joints, equations, x)
+        refused = refused or farther(equations, x, at)
     refused = refused or _other_motors(grasp, motors)
     if (grasp.mu != terms.friction).any():
         refused = refused or f"friction at its contacts is not {terms.friction:g}"

@@ -142,7 +142,7 @@ def known(
     at, before = 0.0, True
     for first, last, held in [*parts, (largest, largest, True)]:
         end = min(first, largest)
-        fine = resolution * max(end, min(unit, largest))
+        fine = width_at(end, resolution, min(unit, largest))
         if end > at and (end - at > fine or held == before):
             if unproved and at - unproved[-1][1] < fine and all(not unproved[-1][1] <= a < at for a, _ in holes):
                 unproved[-1] = unproved[-1][0], end
@@ -151,6 +151,11 @@ def known(
         at, before = max(at, last), held
     to = next((last for first, last in good if first <= 0), 0.0)
     return Known(min(to, largest), holes[0][0] if holes else upper, holes, tuple(unproved))
+
+
+def width_at(magnitude: float, resolution: float, unit: float) -> float:
+    """How wide a gap between a hole and what is resisted may be, at a magnitude; unit: which counts as none."""
+    return resolution * max(magnitude, unit)
 
 
 def merged(ranges: Iterable[Range]) -> tuple[Range, ...]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.configurations import examined, farther, read_existence
+from handfast.proofs.configurations import examined, farther, read_existence, solution
 from handfast.proofs.constants import RADIAN_LENGTH
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import Array, BadFile, Fields, numbers, same
@@ -154,7 +154,8 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
             moved = {
                 task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)
             }
-            fault = farther(equations, proof, at) or _difference(task, follows, moved, beside)
+            fault = farther(equations, solution(equations, proof, at), at)
+            fault = fault or _difference(task, follows, moved, beside)
             done = Replay(done.name, done.claim, fault, done.figures)
             places.append(_features(task, moved, at))
         parts.append(done)

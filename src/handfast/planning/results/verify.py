@@ -194,21 +194,22 @@ def measured_plan(folder: Path) -> Replay:
     Raises:
         InputError: a file is missing or broken, or names no hand or no object.
     """
-    plan, parts = read_json(folder / "plan.json", "plan"), []
+    file, parts = str(folder / "plan.json"), []
+    plan = read_json(folder / "plan.json", "plan")
     try:
         made = validate(SceneEntry, plan.get("scene", {}))
     except InputError as fault:
-        raise fault.within("scene").at(str(folder / "plan.json")) from None
+        raise fault.within("scene").at(file) from None
     try:
         numbers = validate(NumbersEntry, {key: plan[key] for key in NumbersEntry.model_fields if key in plan})
     except InputError as fault:
-        raise fault.at(str(folder / "plan.json")) from None
+        raise fault.at(file) from None
     if plan.get("query") != "plan":
-        raise InputError(f"is {plan.get('query')!r}; 'plan' is needed", field="query", source=str(folder / "plan.json"))
+        raise InputError(f"is {plan.get('query')!r}; 'plan' is needed", field="query", source=file)
     for entry in (*plan.get("grasps", []), *plan.get("others", [])):
         if "configuration_file" not in entry:
             where = f"{entry['grasp_file']}.configuration_file"
-            raise InputError("is missing; the grasp is measured at it", field=where, source=str(folder / "plan.json"))
+            raise InputError("is missing; the grasp is measured at it", field=where, source=file)
         place = load_configuration(folder / entry["configuration_file"])
         if place.hand is None or place.object is None:
             raise InputError("names no hand or no object", source=str(folder / entry["configuration_file"]))

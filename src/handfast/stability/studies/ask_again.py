@@ -24,6 +24,7 @@ from handfast.model.grasp import Grasp
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.question import CHECK, Question, Range
+from handfast.proofs.ranges import width_at
 from handfast.proofs.replay import Figure, Replay
 from handfast.proofs.tolerance import no_magnitude
 from handfast.stability.answers import MaxAnswer
@@ -286,7 +287,7 @@ class IntervalClaim(Claim):
         unit = min(no_magnitude(answer.question), answer.lower) if answer.question is not None else answer.lower
 
         def slack(magnitude: float) -> float:
-            return shown.resolution * max(magnitude, unit)
+            return width_at(magnitude, shown.resolution, unit)
 
         def is_in(a: float, b: float, ranges: Iterable[Range]) -> bool:
             return any(first <= a + slack(a) and last >= b - slack(b) for first, last in ranges)
